@@ -85,9 +85,11 @@ def integrate(links: LinkEquation, torque: Array, stiffness: Array, damping: Arr
     steps = Steps(h, P, D, M, K, C, force)
     sets = max(force.shape[1], len(K))
     first = np.broadcast_to(force[0], (sets, m))[..., None]
-    position = np.linalg.solve(np.broadcast_to(P[0] + K, (sets, m, m)), first)[..., 0]
+    stiffened = np.broadcast_to(P[0] + K, (sets, m, m))
+    position = np.linalg.solve(stiffened, first)[..., 0]
     second = np.broadcast_to(force[1], (sets, m))[..., None]
-    moved = np.linalg.solve(np.broadcast_to(P[1] + K, (sets, m, m)), second)[..., 0]
+    stiffened_slope = np.broadcast_to(P[1] + K, (sets, m, m))
+    moved = np.linalg.solve(stiffened_slope, second)[..., 0]
     begin = [position, (moved - position) / h, np.zeros((sets, m))]
     states = steps.follow(np.concatenate(begin, axis=1))[::parts]
     return Deflection(*(states[..., k * m : (k + 1) * m] for k in range(3)))
@@ -118,21 +120,26 @@ class Steps:
         h = self.h
         M = self.M[at][:, None]
         damped = self.D[at][:, None] + self.C
-        inverse = np.linalg.inv(
-            self.P[at][:, None] + self.K + (2.0 / h) * damped + (4.0 / h**2) * M
-        )
+        stiffness = self.P[at][:, None] + self.K
+        accelerated = (4.0 / h**2) * M
+        inverse = np.linalg.inv(stiffness + (2.0 / h) * damped + accelerated)
+        of_position = (4.0 / h**2) * M + (2.0 / h) * damped
+        of_velocity = (4.0 / h) * M + damped
         own = np.concatenate(
-            [(4.0 / h**2) * M + (2.0 / h) * damped, (4.0 / h) * M + damped, M + 0.0 * damped],
+            [of_position, of_velocity, M + 0.0 * damped],
             axis=3,
         )
         position = inverse @ own
         one = np.eye(position.shape[2])
         none = np.zeros_like(one)
-        velocity = (2.0 / h) * position - np.concatenate([(2.0 / h) * one, one, none], axis=1)
-        change = np.concatenate([(4.0 / h**2) * one, (4.0 / h) * one, one], axis=1)
+        recalled = np.concatenate([(2.0 / h) * one, one, none], axis=1)
+        velocity = (2.0 / h) * position - recalled
+        weights = [(4.0 / h**2) * one, (4.0 / h) * one, one]
+        change = np.concatenate(weights, axis=1)
         acceleration = (4.0 / h**2) * position - change
         added = (inverse @ self.force[at][..., None])[..., 0]
-        pushed = np.concatenate([added, (2.0 / h) * added, (4.0 / h**2) * added], axis=2)
+        shares = [added, (2.0 / h) * added, (4.0 / h**2) * added]
+        pushed = np.concatenate(shares, axis=2)
         return np.concatenate([position, velocity, acceleration], axis=2), pushed
 
     def follow(self, first: Array) -> Array:

@@ -112,13 +112,16 @@ class Bending:
         """Return it for JSON."""
         error = {"before": self.error_before, "after": self.error_after}
         unseen = {"before": self.held_before, "after": self.held_after}
+        joints = [joint.to_dict() for joint in self.joints]
+        rms = {name: x.tolist() for name, x in error.items()}
+        rms_unseen = {name: x.tolist() for name, x in unseen.items() if x is not None}
         return {
-            "joints": [joint.to_dict() for joint in self.joints],
+            "joints": joints,
             "asked": list(self.asked),
             "band": self.band,
             "bandwidth": self.bandwidth,
-            "rms": {name: x.tolist() for name, x in error.items()},
-            "rms_unseen": {name: x.tolist() for name, x in unseen.items() if x is not None},
+            "rms": rms,
+            "rms_unseen": rms_unseen,
             "lost": self.lost,
             "parameters": dict(self.parameters),
             "rigid": self.rigid,

@@ -106,7 +106,8 @@ class Problem:
                 rows = x[:, joint]
                 white = lfilter(taps, [1.0], rows, axis=0) if rows.size else rows
                 out.append(white[ORDER:] / size)
-        prior = np.zeros((self.beside[0].shape[2], *out[0].shape[1:]))
+        known = self.beside[0].shape[2]
+        prior = np.zeros((known, *out[0].shape[1:]))
         return np.concatenate([*out, prior])
 
     def bent(self, springs: Springs, change: Array) -> list[Array]:
@@ -182,12 +183,15 @@ class Problem:
         for _ in range(steps):
             change_of = _solve(jacobian, left)
             step = change_of[: 2 * m]
-            share = min(1.0, float((limit / np.maximum(np.abs(step), 1e-12)).min()))
+            room = (limit / np.maximum(np.abs(step), 1e-12)).min()
+            share = min(1.0, float(room))
             for _ in range(HALVINGS):
+                moved_change = change + share * change_of[2 * m : 2 * m + b]
+                moved_rivals = rivals + share * change_of[2 * m + b :]
                 moved = (
                     numbers + share * step,
-                    change + share * change_of[2 * m : 2 * m + b],
-                    rivals + share * change_of[2 * m + b :],
+                    moved_change,
+                    moved_rivals,
                 )
                 other = self._linearise(springs.joints, *moved, y, linear)
                 if other[0] @ other[0] < left @ left:
@@ -203,12 +207,12 @@ class Problem:
         spread = misfit / max(len(y) - jacobian.shape[1], 1)
         length = or_one(np.linalg.norm(jacobian, axis=0))
         inverse = np.linalg.pinv(jacobian / length, rcond=RANK_TOLERANCE)
-        covariance = (inverse[: 2 * m] @ inverse[: 2 * m].T) / np.outer(length, length)[
-            : 2 * m, : 2 * m
-        ]
-        tuned = replace(
-            springs, frequency=np.exp(numbers[None, :m]), ratio=np.exp(numbers[None, m:])
-        )
+        square = inverse[: 2 * m] @ inverse[: 2 * m].T
+        scales = np.outer(length, length)[: 2 * m, : 2 * m]
+        covariance = square / scales
+        frequency = np.exp(numbers[None, :m])
+        ratio = np.exp(numbers[None, m:])
+        tuned = replace(springs, frequency=frequency, ratio=ratio)
         return Fit(tuned, change, rivals, misfit, covariance * spread)
 
     def _linearise(
@@ -223,7 +227,9 @@ class Problem:
         """Return the whitened residual (R,), and derivatives of the model (R, 2m + b + r)."""
         m = len(joints)
         b = len(change)
-        springs = Springs(joints, np.exp(numbers[None, :m]), np.exp(numbers[None, m:]))
+        frequency = np.exp(numbers[None, :m])
+        ratio = np.exp(numbers[None, m:])
+        springs = Springs(joints, frequency, ratio)
         torque = []
         slopes = []
         for s in self.stretches:
@@ -311,9 +317,10 @@ def find_bending(
     values = stretches[0].values(bent.change)
     names = rotor_names(structure, bent.springs)
     rotors = {n: float(values[structure.columns.index(n)]) for n in names}
+    asked_joints = tuple(robot.joints[j] for j in asked)
     found = Bending(
         joints=joints,
-        asked=tuple(robot.joints[j] for j in asked),
+        asked=asked_joints,
         band=band,
         bandwidth=bandwidth,
         error_before=before,
@@ -476,14 +483,17 @@ def _describe(
     inertia = float(mean_inertia(problem.stretches[0], fit.change)[joint])
     other = float(np.sqrt(problem.inertia[joint] / inertia))
     frequency *= other
+    name = problem.stretches[0].robot.joints[joint]
+    damping_ratio = other * float(fit.springs.ratio[0, at])
+    dampings = fit.springs.damping(problem.inertia)[0, at]
     return ElasticJoint(
-        joint=problem.stretches[0].robot.joints[joint],
+        joint=name,
         stiffness=stiffness,
         stiffness_half=REACH * sd * stiffness,
         resonance=frequency,
         resonance_half=0.5 * REACH * sd * frequency,
-        damping_ratio=other * float(fit.springs.ratio[0, at]),
-        damping=float(fit.springs.damping(problem.inertia)[0, at]),
+        damping_ratio=damping_ratio,
+        damping=float(dampings),
         inertia=inertia,
         gain=gains[joint],
         response=response,

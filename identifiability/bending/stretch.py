@@ -58,11 +58,11 @@ class Springs:
     def with_each(self, joint: int, frequencies: Array, ratio: float) -> Springs:
         """Return sets of springs, each with one more joint of another frequency (S,)."""
         sets = len(frequencies)
-        known = np.repeat(self.frequency, sets, axis=0), np.repeat(self.ratio, sets, axis=0)
-        frequency = np.column_stack([known[0], frequencies])
-        return Springs(
-            (*self.joints, joint), frequency, np.column_stack([known[1], np.full(sets, ratio)])
-        )
+        known_frequency = np.repeat(self.frequency, sets, axis=0)
+        known_ratio = np.repeat(self.ratio, sets, axis=0)
+        frequency = np.column_stack([known_frequency, frequencies])
+        ratios = np.column_stack([known_ratio, np.full(sets, ratio)])
+        return Springs((*self.joints, joint), frequency, ratios)
 
     def without(self, joint: int) -> Springs:
         """Return the springs of the other joints."""
@@ -170,8 +170,9 @@ class Stretch:
         """Return the torque that springs add to the rigid robot's, (N, n, S)."""
         parts = self.derivatives(springs.joints, values)
         load = self.load(values)[:, None, list(springs.joints)]
+        equation = self.equation(springs.joints, parts)
         found = integrate(
-            self.equation(springs.joints, parts),
+            equation,
             load,
             springs.stiffness(inertia),
             springs.damping(inertia),
@@ -248,11 +249,12 @@ class Stretch:
         rotors = [p.name in rotor_names(self.structure, springs) for p in self.structure.parameters]
         columns = self.structure.model.regressor(self.robot, self.piece.motion)[:, :, rotors]
         tau = self.piece.tau - bent - columns @ values[rotors]
+        weight = self.piece.weight * self.settled[:, None]
         return replace(
             self.log,
             motion=self.piece.motion,
             tau=tau,
-            weight=self.piece.weight * self.settled[:, None],
+            weight=weight,
             instrument=None,
             own=None,
         )

@@ -184,7 +184,8 @@ class Field:
     def text(self, verb: str) -> str:
         """Return its help text for a verb, with the range of its values."""
         said = helps()["options"]
-        told = [said.get(verb, {}).get(self.name) or said["all"].get(self.name, "")]
+        of_verb = said.get(verb, {}).get(self.name)
+        told = [of_verb or said["all"].get(self.name, "")]
         told += [f"({r.words})" for r in self._ranges()]
         return " ".join(told)
 

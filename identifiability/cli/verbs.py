@@ -320,8 +320,9 @@ def calibrate(
         robot.check_stands("calibration")  # before the logs are fitted for it
         how["progress"] = lambda text, share: say(text, 0.2 * share)
         found = {"ladder": ladder, "prior": prior, "seed": seed, **vars(fitted), **how}
+        analysis = library.analyze(robot, logs, **found)
         result = library.calibrate(
-            library.analyze(robot, logs, **found),
+            analysis,
             model=model,
             replicates=replicates,
             seed=seed,

@@ -204,9 +204,10 @@ class ImuMounting(Effect):
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the corrections that the sidecar lists, or all twelve with a prior."""
         asked = robot.base is not None and robot.base.imu.fit
+        corrections = (CORRECTIONS[key] for key in self._fitted(robot))
         return tuple(
             Parameter(BASE, kind, unit, self.name, sd=np.inf if asked else sd)
-            for kinds, unit, sd in (CORRECTIONS[key] for key in self._fitted(robot))
+            for kinds, unit, sd in corrections
             for kind in kinds
         )
 

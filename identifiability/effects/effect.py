@@ -531,14 +531,17 @@ def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:
         q = np.concatenate([robot.travel(axis, m.q) for m in motions])
         v = np.concatenate([robot.along(axis, m.v) for m in motions])
         home = float(robot.travel(axis, robot.home[None])[0])
+        rms_speed = float(np.sqrt(np.mean(v**2)))
+        largest_speed = float(np.abs(v).max()) or 1.0
+        farthest = float(np.abs(q - home).max()) or 1.0
         spans[axis.name] = Span(
             joint=axis.name,
             position_range=float(np.ptp(q)) or 1.0,
-            rms_speed=float(np.sqrt(np.mean(v**2))) or 1.0,
+            rms_speed=rms_speed or 1.0,
             low=float(q.min()),
             high=float(q.max()),
-            largest_speed=float(np.abs(v).max()) or 1.0,
-            farthest=float(np.abs(q - home).max()) or 1.0,
+            largest_speed=largest_speed,
+            farthest=farthest,
             robot=robot,
             motions=motions,
         )

@@ -135,7 +135,8 @@ TYPICAL = 4 * DEFAULTS.period
 
 def duration(span: Span) -> tuple[float, ...]:
     """Return the end of the time of the longest log [s]."""
-    return (max((float(m.t.max(initial=0.0)) for m in span.motions), default=0.0) or TYPICAL,)
+    lengths = (float(m.t.max(initial=0.0)) for m in span.motions)
+    return (max(lengths, default=0.0) or TYPICAL,)
 
 
 #: Pieces of the session, of which each takes several logs: one that is left out leaves no hole.
@@ -241,7 +242,8 @@ class SmoothFunction(Shaped):
         if not self.moving:
             return list(columns.T)
         share = at.speed[:, None] / largest_speed(at.robot, at.axis)
-        return [*columns.T, *(columns * at.sign[:, None]).T, *(columns * share).T]
+        signed = columns * at.sign[:, None]
+        return [*columns.T, *signed.T, *(columns * share).T]
 
 
 def _declare_function(

@@ -68,7 +68,8 @@ class RigidBody(Effect):
         K = out if direct else np.empty((len(motion), robot.nv, out.shape[2]))
         bodies = K[:, : model.nv]
         K[:, model.nv :] = 0.0  # tendons carry none
-        columns = (np.arange(10) + 10 * (np.array(robot.carriers)[:, None] - 1)).ravel()
+        carriers = np.array(robot.carriers)[:, None] - 1
+        columns = (np.arange(10) + 10 * carriers).ravel()
         every = len(robot.carriers) == model.njoints - 1  # a view of them costs nothing
         for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
             own = regressor(model, data, q, v, a)

@@ -236,17 +236,22 @@ class PositionTorque(Shaped):
         if axis.row is None:  # it has passive joints, whose limits are not known
             return -wide, wide
         used = axis.row != 0
-        ends = np.sort(robot.limits[used] * axis.row[used, None], axis=1).sum(0)
+        travel = robot.limits[used] * axis.row[used, None]
+        ends = np.sort(travel, axis=1).sum(0)
         low, high = ends - self.home(robot, axis)
+        lowest = float(low) if np.isfinite(low) else -wide
+        highest = float(high) if np.isfinite(high) else wide
         return (
-            float(low) if np.isfinite(low) else -wide,
-            float(high) if np.isfinite(high) else wide,
+            lowest,
+            highest,
         )
 
     def curves(self, at: Along) -> list[Array]:
         """Return the splines."""
         first, last = self.grid(at.robot, at.axis)
-        x = np.minimum(np.maximum(at.travel / self.shape(at.robot, at.axis), first), last)
+        turns = at.travel / self.shape(at.robot, at.axis)
+        bounded = np.maximum(turns, first)
+        x = np.minimum(bounded, last)
         middles = range(first - DEGREE // 2, last + DEGREE // 2 + 1)
         return [cubic_piece(np.abs(x - middle)) for middle in middles]
 

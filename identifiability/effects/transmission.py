@@ -36,9 +36,8 @@ def follow_with_play(x: Array, width: float, way: float) -> Array:
     step = 1
     while step < len(x) and not np.array_equal(low[step:], high[step:]):
         ends = [np.clip(end[:-step], low[step:], high[step:]) for end in (low, high)]
-        low, high = (
-            np.concatenate([end[:step], new]) for end, new in zip((low, high), ends, strict=True)
-        )
+        changes = zip((low, high), ends, strict=True)
+        low, high = (np.concatenate([end[:step], new]) for end, new in changes)
         step *= 2
     return np.clip(x[0] - width * way, low, high)
 
@@ -106,7 +105,9 @@ class Hysteresis(Shaped):
 def carried_load(load: Array, at: Along) -> Array:
     """Return the load (N,) of an axis that alone carries joint torques (N, n)."""
     row = at.load
-    carried: Array = (load * row).sum(1) / np.maximum((row * row).sum(-1), TINY**2)
+    carried_along = (load * row).sum(1)
+    squares = np.maximum((row * row).sum(-1), TINY**2)
+    carried: Array = carried_along / squares
     return without_rounding(carried[:, None], load)[:, 0]
 
 

@@ -56,11 +56,14 @@ def _stated(robot: Robot, families: tuple[Family, ...], kind: Kind) -> tuple[Par
     """Return the parameters that a file of a robot can state."""
     axes = {*robot.tree.single, *(robot.tendon_axes if kind == "mjcf" else ())}
     # A body, a joint and the base may have one name.
+    inertial = product(robot.bodies, INERTIAL_KINDS)
+    of_axes = product(axes, joint_numbers(kind))
+    biased = axes & {*biased_places(robot, kind)}
     stated = {
         (BASE, "gravity"),
-        *product(robot.bodies, INERTIAL_KINDS),
-        *product(axes, joint_numbers(kind)),
-        *product(axes & {*biased_places(robot, kind)}, ("offset",)),
+        *inertial,
+        *of_axes,
+        *product(biased, ("offset",)),
     }
     every = (p for family in families for p in family.effect.parameters(robot))
     return tuple(p for p in every if (p.owner, p.stated_as) in stated)

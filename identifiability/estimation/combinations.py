@@ -49,7 +49,9 @@ def find_combinations(
     variances, axes = np.linalg.eigh(covariance)
     spread = axes * np.sqrt(np.maximum(variances, 0.0))
     # A step along an unknown direction is far longer than any standard error.
-    far = (np.abs(values).max(initial=0.0) + np.abs(spread).max(initial=0.0)) / NEARLY
+    largest_value = np.abs(values).max(initial=0.0)
+    largest_spread = np.abs(spread).max(initial=0.0)
+    far = (largest_value + largest_spread) / NEARLY
     rows = np.vstack([spread.T, far * unknown.T])
     found = [_combine(values, rows, k, terms) for k in range(len(values))]
     sure = sorted(filter(None, found), key=lambda one: one.sigma / abs(one.value))

@@ -153,7 +153,8 @@ def add_white_noise(log: Log, dt: float) -> Log:
         highest = density[first:].mean(0)
         return np.asarray(x + np.sqrt(highest * 0.5 / dt) * rng.standard_normal(x.shape))
 
-    return replace(log, q=more(log.q), dq=None if log.dq is None else more(log.dq))
+    dq = None if log.dq is None else more(log.dq)
+    return replace(log, q=more(log.q), dq=dq)
 
 
 def make_samples(windows: Sequence[Window], cutoff: float, band: float) -> list[Dataset]:

@@ -67,12 +67,15 @@ class Known:
         """Return values base = M x with the covariance of x as prior, and the open directions."""
         sd = np.sqrt(np.diag(covariance))
         unit = np.outer(sd, sd)
-        size, turn = np.linalg.eigh(np.divide(covariance, unit, where=unit > 0, out=0 * unit))
+        correlation = np.divide(covariance, unit, where=unit > 0, out=0 * unit)
+        size, turn = np.linalg.eigh(correlation)
         known = M @ (sd[:, None] * turn * np.sqrt(np.maximum(size, 0.0)))
+        directions = np.column_stack([known, M @ unknown])
+        precision = np.repeat([1.0, 0.0], [known.shape[1], unknown.shape[1]])
         return Known(
             base=base,
-            directions=np.column_stack([known, M @ unknown]),
-            precision=np.repeat([1.0, 0.0], [known.shape[1], unknown.shape[1]]),
+            directions=directions,
+            precision=precision,
         )
 
     @staticmethod
@@ -176,7 +179,9 @@ class Compared(Excerpt):
             amount = self.amount(c)
             if c.kind == "gain":
                 j = self.robot.joints.index(c.place)
-                found[j, c.columns[0]] = self.torque[:, j] * self.data[:, j] * amount
+                torque = self.torque[:, j]
+                data = self.data[:, j]
+                found[j, c.columns[0]] = torque * data * amount
                 continue
             for column, first in zip(c.columns, unlike[c.effect_key].columns, strict=True):
                 found |= {(j, column): x * amount for j, x in torques[first].items()}
@@ -211,9 +216,13 @@ def weigh_logs(information: Information, data: np.ndarray) -> Information:
         How many rows of each joint are data.
     """
     R = information.factor()
-    x = np.linalg.lstsq(R[:-1, :-1], R[:-1, -1], rcond=ROUNDOFF)[0]
+    triangle = R[:-1, :-1]
+    target = R[:-1, -1]
+    x = np.linalg.lstsq(triangle, target, rcond=ROUNDOFF)[0]
     square = information.squares_of_blocks(np.append(-x, 1.0))
-    levels = square / np.maximum(data, 1) * data.sum(0) / np.maximum(square.sum(0), 1e-300)
+    mean_square = square / np.maximum(data, 1)
+    total = np.maximum(square.sum(0), 1e-300)
+    levels = mean_square * data.sum(0) / total
     return information.weigh(1.0 / np.maximum(levels.T, THIN))
 
 
@@ -278,7 +287,8 @@ class Differences:
         every = number([*drifts, *may, *weigh, *always])
         named = frozenset(c.group[0] for c in (*may, *always))
         missing = Missing(tuple(every), seen, families=named)
-        differing = [k for c in every[len(drifts) : len(every) - len(always)] for k in c.columns]
+        of_logs = every[len(drifts) : len(every) - len(always)]
+        differing = [k for c in of_logs for k in c.columns]
         edges = np.unique(seen.log, return_index=True)[1]
         joints = range(seen.y.shape[1])
         noise = tuple(missing.noise_of(j, differing, functions=False) for j in joints)
@@ -294,7 +304,9 @@ class Differences:
         if joint is not None:
             own = replace(own, parts=own.parts[joint : joint + 1])
         wide = np.pad(sums, ((p, 0), (0, 0)))
-        every = np.insert(np.eye(own.size), [p] * sums.shape[1], wide, axis=1)
+        unit = np.eye(own.size)
+        places = [p] * sums.shape[1]
+        every = np.insert(unit, places, wide, axis=1)
         own = own.reduce(every, [str(k) for k in range(every.shape[1])])
         return replace(self, information=own, always=sums)
 

@@ -165,7 +165,8 @@ class Outliers:
         Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
         """
         less = self.weight < weight
-        rows = {k: v[less] for k, v in vars(self).items() if k not in ("moved", "share")}
+        arrays = vars(self).items()
+        rows = {k: v[less] for k, v in arrays if k not in ("moved", "share")}
         return replace(self, **rows) if less.any() else None
 
 

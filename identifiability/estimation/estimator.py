@@ -205,7 +205,8 @@ class Combined:
         k = len(self.value)
         left = np.vstack([self.left, np.zeros((1, k))])
         right = np.zeros((2 * k + 1, k + 1))
-        right[k : 2 * k, :k], right[k:, k] = self.B, np.append(-self.value, 1.0)
+        last_row = np.append(-self.value, 1.0)
+        right[k : 2 * k, :k], right[k:, k] = self.B, last_row
         joint = information.joint
         both = joint.products(weights, left, right)
         if joint.prior is None:
@@ -230,7 +231,8 @@ def combine(information: Information, plain: Estimate) -> Combined:
         weak = strength < WEAK
         B = to_W @ Yt.T
         share = np.where(weak, 1.0, strength)
-        T = np.vstack([np.where(weak, 0.0, to_V @ left / share), np.where(weak, B, 0.0)])
+        strong = np.where(weak, 0.0, to_V @ left / share)
+        T = np.vstack([strong, np.where(weak, B, 0.0)])
         x = to_W @ (Q.T @ R[:, 2 * k])
         rest = R[:k, 2 * k] - R[:k, k : 2 * k] @ x
         moved = left.T @ rest
@@ -320,7 +322,8 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
     B = len(information.counts)
     own_rows = information.rows_each
     part = information.select(fit.kept)
-    turn = np.vstack([unit_coordinates(part.factor(fit.weights)[:k, :k]), np.zeros((1, k))])
+    unit = unit_coordinates(part.factor(fit.weights)[:k, :k])
+    turn = np.vstack([unit, np.zeros((1, k))])
     taken = fit.weights * part.squares(turn).sum(1)  # of noise of variance 1
     kept = fit.value[list(fit.kept)]
     change = np.column_stack([turn, np.append(-kept, 1.0)])
@@ -361,8 +364,11 @@ def _shrink(times: Array, known: Array) -> Array:
     apart = np.log(times[own] / np.average(times[own], weights=known[own]))
     shrunk = times.copy()
     # Of the squares' mean the logarithm has this variance.
-    chance = polygamma(1, 0.5 * known[own].mean()) * chdtri(own.sum() - 1, Thresholds.sign_level)
-    shrunk[own] *= np.exp(-apart * min(chance / max(own.sum() * apart.var(), TINY), 1.0))
+    chance_of_one = polygamma(1, 0.5 * known[own].mean())
+    critical = chdtri(own.sum() - 1, Thresholds.sign_level)
+    chance = chance_of_one * critical
+    explained = chance / max(own.sum() * apart.var(), TINY)
+    shrunk[own] *= np.exp(-apart * min(explained, 1.0))
     return shrunk
 
 
@@ -447,11 +453,13 @@ class Estimator:
         both = np.logical_and.outer(plain.determined, plain.determined)
         bias = np.zeros((len(found.bias), len(value)))
         bias[:, kept] = found.bias
-        more = np.maximum(found.rss - plain.rss, 0.0) * len(plain.rss) / plain.rows.sum()
+        added_rss = np.maximum(found.rss - plain.rss, 0.0) * len(plain.rss)
+        more = added_rss / plain.rows.sum()
+        wider = np.where(both, spread, plain.covariance)
         return replace(
             plain,
             value=value,
-            covariance=np.where(both, spread, plain.covariance),
+            covariance=wider,
             rss=found.rss,
             variance=plain.variance + more,
             estimator=self,
@@ -481,7 +489,8 @@ class Estimator:
             return values
         start, to_x, both = self.equations(information.select(kept), fit)
         # The prior counts once in each.
-        counts = np.pad(counts, ((0, 0), (0, len(both) - counts.shape[1])), constant_values=1.0)
+        behind = (0, len(both) - counts.shape[1])
+        counts = np.pad(counts, ((0, 0), behind), constant_values=1.0)
         flat = both.reshape(len(both), -1)
         for at in few_at_once(len(counts), flat[:1].nbytes):
             sums = (counts[at] @ flat).reshape(-1, k, k + 1)
@@ -499,7 +508,8 @@ class Estimator:
         _, to_x, both = self.equations(information.select(kept), fit)
         both = both[: len(information.counts)]
         moved = np.zeros((len(both), information.size))
-        moved[:, kept] = correct_leverage(both[:, :, k], both[:, :, :k]) @ to_x.T
+        leverage = correct_leverage(both[:, :, k], both[:, :, :k])
+        moved[:, kept] = leverage @ to_x.T
         return moved
 
     def equations(self, part: Information, fit: Estimate) -> tuple[Array, Array, Array]:
@@ -614,6 +624,8 @@ def _solve(
     # A column that a dropped one leans on has a value only as long as that one is zero.
     determined = np.abs(never).max(1, initial=0.0) < NEARLY
     covariance[~determined] = covariance[:, ~determined] = 0.0
+    freedom = information.rows_each * (1 - m / max(information.rows, 1))
+    condition = float(np.linalg.cond(unit[:, kept])) if kept else 1.0
     found = Estimate(
         columns=information.columns,
         value=value,
@@ -621,15 +633,14 @@ def _solve(
         determined=determined,
         kept=tuple(kept),
         # Each actuator pays for its share of the parameters in proportion to its rows.
-        variance=rss / np.maximum(information.rows_each * (1 - m / max(information.rows, 1)), 1.0),
+        variance=rss / np.maximum(freedom, 1.0),
         rss=rss,
         rows=information.rows_each,
         open=never,
-        condition=float(np.linalg.cond(unit[:, kept])) if kept else 1.0,
+        condition=condition,
         weights=weights,
         times=times,
         estimator=estimator,
     )
-    return replace(
-        found, covariance=found.unit * covariance + np.diag(np.where(determined, 0, np.inf))
-    )
+    undetermined = np.diag(np.where(determined, 0, np.inf))
+    return replace(found, covariance=found.unit * covariance + undetermined)

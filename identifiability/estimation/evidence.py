@@ -159,7 +159,9 @@ class Folds:
         before = 0
         for name, pieces in zip(names, wanted.tolist(), strict=True):
             rows = np.flatnonzero(log == name)
-            middle = ends[rows] - 0.5 * counts[rows] - (ends[rows[0]] - counts[rows[0]])
+            centres = ends[rows] - 0.5 * counts[rows]
+            first_start = ends[rows[0]] - counts[rows[0]]
+            middle = centres - first_start
             share = middle * pieces / counts[rows].sum()
             test[rows] = before + share.astype(int)
             before += pieces
@@ -253,7 +255,8 @@ class Score:
     @property
     def error(self) -> float:
         """The error over each joint's own scale, root mean square over the joints."""
-        return float(np.sqrt(self.shares.sum() / max(int((self.variation > 0).sum()), 1)))
+        loaded = (self.variation > 0).sum()
+        return float(np.sqrt(self.shares.sum() / max(int(loaded), 1)))
 
     def gain(self, other: Score) -> Gain:
         """Return the gain of its predictive log density over another's of the same folds [nats]."""
@@ -359,7 +362,8 @@ class HeldOut:
         roots : (F, k, m), optional
             Of the values' errors ``L Lᵀ``.
         """
-        left = np.concatenate([-values, np.ones((*values.shape[:-1], 1))], -1)
+        ones = np.ones((*values.shape[:-1], 1))
+        left = np.concatenate([-values, ones], -1)
         left = np.broadcast_to(left, (self.folds.count, left.shape[-1]))
         squares = self.tests.squares_of_blocks(left)
         density = -0.5 * squares @ (1.0 / self.noise)
@@ -454,7 +458,8 @@ def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
     if (sums == ROUNDOFF**2).all():
         return Gain(0.0, 0.0)
     each = 0.5 * (b / sums[1] - a / sums[0])  # effect of each fold on the logarithm
-    return Gain(0.5 * float(np.log(sums[1] / sums[0])), _sum_gain(each, ratio).se)
+    ratio_of_sums = sums[1] / sums[0]
+    return Gain(0.5 * float(np.log(ratio_of_sums)), _sum_gain(each, ratio).se)
 
 
 def near_best(scores: Sequence[Score]) -> np.ndarray:

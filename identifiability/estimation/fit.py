@@ -292,10 +292,14 @@ def compare_motions(information: Information, fit: Estimate, time: float) -> Mot
     few = np.maximum(free, 1)
     for kind in np.unique(kinds[moved]):
         at = (kinds == kind) & (free > 0)
-        ratio[at] = np.maximum(own[at].mean(), np.where(moved[at], own[at], 1.0))
+        typical = own[at].mean()
+        at_least = np.where(moved[at], own[at], 1.0)
+        ratio[at] = np.maximum(typical, at_least)
         few[at] = free[at].sum()
     wide = stdtrit(few, ENDS[1]) / REACH
-    sampling = np.isfinite(sd).sum(0) / np.maximum((sd**-2.0).sum(0), 1e-300)
+    judged = np.isfinite(sd).sum(0)
+    precision = (sd**-2.0).sum(0)
+    sampling = judged / np.maximum(precision, 1e-300)
     excess = np.where(free > 0, sampling, 0.0) * np.maximum(ratio - 1.0, 0.0)
     return Motions(which, values, sd, p, wide * np.sqrt(excess))
 
@@ -313,7 +317,8 @@ def _differ(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
     free = np.maximum(np.isfinite(sd).sum(0) - 1, 0)
     mean = (weight * values).sum(0) / np.maximum(weight.sum(0), 1e-300)
     ratio = (weight * (values - mean) ** 2).sum(0) / np.maximum(free, 1)
-    return ratio, np.where(free > 0, fdtrc(np.maximum(free, 1), dof.sum(), ratio), 1.0), free
+    exceeded = fdtrc(np.maximum(free, 1), dof.sum(), ratio)
+    return ratio, np.where(free > 0, exceeded, 1.0), free
 
 
 # Effective combinations of a reduced model's values, and their distance from the labels.
@@ -460,11 +465,13 @@ def _widen_disputed(
         By file and logs.
     """
     kept = list(fit.kept)
-    meant = np.where(np.abs(meant) < ROUNDOFF * np.abs(meant).max(1, keepdims=True), 0.0, meant)
+    largest = np.abs(meant).max(1, keepdims=True)
+    meant = np.where(np.abs(meant) < ROUNDOFF * largest, 0.0, meant)
     known = ~(meant[:, ~full.determined] != 0).any(1)
     value = meant @ (np.where(full.determined, full.value, 0.0) - submodel.fixed)
     at = list(full.kept)
-    own = np.einsum("ka,ab,kb->k", meant[:, at], full.covariance[np.ix_(at, at)], meant[:, at])
+    block = full.covariance[np.ix_(at, at)]
+    own = np.einsum("ka,ab,kb->k", meant[:, at], block, meant[:, at])
     reach = REACH * np.sqrt(np.maximum(own, 0.0) * float(np.max(full.times)))
     apart = np.abs(fit.value[kept] - value) - reach
     grown = known & (apart > REACH * np.hypot(sigma, fit.sigma[kept]))
@@ -577,15 +584,18 @@ class Fit:
             note = phrase("verdict", "blocks", least=RULES.blocks_fewest, **told)
         elif replicates and fit.kept:
             drawn = spread_of(bootstrap(stretches, fit, rng, replicates))
+        scores = scatter_scores(information, fit, fit.memory)
+        motions = compare_motions(information, fit, fit.memory)
+        shared = {} if fit.bias is None else {"bias": fit.bias}
         return Fit(
             estimate=fit,
             column_rms=column_rms(information),
             column_noise=column_noise(information, fit),
-            scores=scatter_scores(information, fit, fit.memory),
+            scores=scores,
             bootstrap=drawn,
             note=note,
-            motions=compare_motions(information, fit, fit.memory),
-            shared={} if fit.bias is None else {"bias": fit.bias},
+            motions=motions,
+            shared=shared,
         )
 
     @property
@@ -673,7 +683,9 @@ def remembering_covariance(information: Information, fit: Estimate) -> Array:
     k = len(fit.kept)
     part = information.select(fit.kept)
     noise = fit.weights**2 * fit.variance * fit.times
-    return sandwich(part.factor(fit.weights)[:k, :k], part.factor(noise)[:, :k])
+    factor = part.factor(fit.weights)
+    noise_factor = part.factor(noise)[:, :k]
+    return sandwich(factor[:k, :k], noise_factor)
 
 
 def column_rms(information: Information) -> Array:

@@ -116,7 +116,8 @@ class Excerpt:
         t = np.concatenate([c.t for c in chunks])
         log = np.concatenate([np.full(len(c.t), c.log) for c in chunks])
         each = [t[log == k] for k in np.unique(log)]
-        ends = np.concatenate([[], *(np.append(signals.has_gap(own), True) for own in each)])
+        closed = (np.append(signals.has_gap(own), True) for own in each)
+        ends = np.concatenate([[], *closed])
         runs = tuple(pairwise([0, *(np.flatnonzero(ends) + 1).tolist()]))
         kinds = ("W", "tau", "raw", "data")
         X, y, raw, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in kinds)
@@ -132,7 +133,8 @@ class Excerpt:
         """
         torque = self.torque_norm
         weight = np.divide(1.0, torque, out=np.zeros_like(torque), where=torque > 0)
-        rows = np.concatenate([self.X, self.y[:, :, None]], axis=2) * weight[:, None]
+        both = [self.X, self.y[:, :, None]]
+        rows = np.concatenate(both, axis=2) * weight[:, None]
         R = triangular_factor(rows.reshape(-1, rows.shape[2]))
         length = or_one(np.linalg.norm(R[:, :-1], axis=0))
         unit = R[:, :-1] / length
@@ -379,14 +381,13 @@ class Missing:
         width = len(self.scale)
         model = [np.flatnonzero(x.any(0)) for x in self.seen.X.swapaxes(0, 1)]
         acting = [sorted(k for i, k in entries if i == j) for j in range(len(model))]
-        columns = [
-            np.concatenate([own, np.array(at, int) + p, [p + width]])
-            for own, at in zip(model, acting, strict=True)
-        ]
+        pairs = zip(model, acting, strict=True)
+        columns = [np.concatenate([own, np.array(at, int) + p, [p + width]]) for own, at in pairs]
 
         def of_joint(j: int) -> Array:
             Z = [entries[j, k] for k in acting[j]]
-            return np.column_stack([rows.X[:, j, model[j]], *Z, torque[:, j]])
+            fixed_columns = rows.X[:, j, model[j]]
+            return np.column_stack([fixed_columns, *Z, torque[:, j]])
 
         # One joint after the other: in rows of a base that floats every column acts.
         blocks = map(of_joint, range(len(columns)))
@@ -424,7 +425,8 @@ class Missing:
         out = []
         for name, place in asked:
             sets = self.sets[name, place]
-            price = float(np.log(sum(likely.values()) / likely[name]) + np.log(places[name]))
+            rarity = sum(likely.values()) / likely[name]
+            price = float(np.log(rarity) + np.log(places[name]))
             positive = all(c.positive for some in sets for c in some)
             members, unnamed = list_members(sets, self.fixed), families[name].unnamed
             out.append(Group(name, place, members, price, positive, unnamed))
@@ -449,13 +451,16 @@ class Missing:
         if always not in self.sets:
             return plain
         columns = np.concatenate([c.columns for c in self.sets[always][0]]) + p
-        (term,) = replace(plain, groups=(Group(*always, (columns,), 0.0),)).gains()
+        with_columns = (Group(*always, (columns,), 0.0),)
+        (term,) = replace(plain, groups=with_columns).gains()
         precision = np.diag(scale[columns] ** 2 / term.variance)
+        known_prior = block_diag(prior if prior.size else np.zeros((p, p)), precision)
+        zeros = np.zeros(len(columns))
         return replace(
             plain,
             fixed=p + len(columns),
-            prior=block_diag(prior if prior.size else np.zeros((p, p)), precision),
-            mean=np.append(plain.mean, np.zeros(len(columns))),
+            prior=known_prior,
+            mean=np.append(plain.mean, zeros),
         )
 
     def values(self) -> Array:
@@ -602,7 +607,9 @@ class MissingEffects:
         XX = M.T @ np.einsum("a,akl->kl", w, self.XX) @ M
         XB = M.T @ np.einsum("a,aku->ku", w, self.XB)
         size = np.sqrt(np.maximum(np.diag(XX), 1e-300))
-        T = np.linalg.lstsq(XX / np.outer(size, size), XB / size[:, None], rcond=ROUNDOFF)[0]
+        sizes = np.outer(size, size)
+        scaled = XB / size[:, None]
+        T = np.linalg.lstsq(XX / sizes, scaled, rcond=ROUNDOFF)[0]
         T /= size[:, None]
         own = [(T[:, s.columns], s) for s in self.shares]
         moved = np.array([A @ s.value for A, s in own])
@@ -759,23 +766,25 @@ def _share_of(
     unit = model.scale[term.columns]
     at = np.isin(s.columns, term.columns)
     columns = np.searchsorted(used, term.columns)
-    return Share(term, weight, own, columns, s.value[at] / unit, s.root[:, at] / unit)
+    value = s.value[at] / unit
+    root = s.root[:, at] / unit
+    return Share(term, weight, own, columns, value, root)
 
 
 def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> MissingEffects:
     groups = [(t, 1.0, 1.0, terms) for t in terms]
-    groups += [
-        (t, weight, own, (*terms, t))
-        for t, weight, own in model.alternatives(terms, NONLINEAR_FRICTION)
-    ]
-    used = np.unique(np.concatenate([np.empty(0, int), *(t.columns for t, *_ in groups)]))
+    alternatives = model.alternatives(terms, NONLINEAR_FRICTION)
+    groups += [(t, weight, own, (*terms, t)) for t, weight, own in alternatives]
+    columns_each = (t.columns for t, *_ in groups)
+    used = np.unique(np.concatenate([np.empty(0, int), *columns_each]))
     shares = [_share_of(model, used, *group) for group in groups]
     rows = missing.seen
     XX = []
     XB = []
     none = np.zeros(len(rows.y))
     for j, X in enumerate(rows.X.transpose(1, 2, 0)):
-        Z = [missing.entries.get((j, k), none) for k in (used - missing.fixed).tolist()]
+        random_columns = (used - missing.fixed).tolist()
+        Z = [missing.entries.get((j, k), none) for k in random_columns]
         XX.append(X @ X.T)
         XB.append(X @ np.reshape(Z, (-1, len(none))).T)
     return MissingEffects(terms, tuple(shares), np.array(XX), np.array(XB), missing.noise)

@@ -76,13 +76,13 @@ def whitened_information(
             continue
         longest = max(map(len, each))
         blocks = np.array([np.pad(Z, ((0, longest - len(Z)), (0, 0))) for Z in each])
-        parts.append(ActuatorBlocks(at[:-1], None, blocks, np.zeros(blocks[:, 0].shape)))
+        no_target = np.zeros(blocks[:, 0].shape)
+        parts.append(ActuatorBlocks(at[:-1], None, blocks, no_target))
     if together:
         length = np.sqrt(np.maximum(np.einsum("fii->i", total), 1e-300))
         blocks = factor_each(total / length / length[:, None]) * length
-        parts.append(
-            ActuatorBlocks(np.arange(size - 1), None, blocks, np.zeros(blocks[:, 0].shape))
-        )
+        no_targets = np.zeros(blocks[:, 0].shape)
+        parts.append(ActuatorBlocks(np.arange(size - 1), None, blocks, no_targets))
     names = [str(k) for k in range(columns[0][-1])]
     counts = np.diff(edges)
     data = np.repeat(counts[:, None], len(parts), 1)
@@ -244,19 +244,23 @@ class MixedModel:
 
     def _columns(self, terms: Terms) -> np.ndarray:
         """Return the columns of the fixed model and some terms."""
-        return np.concatenate([np.arange(self.fixed), *(t.columns for t in terms)]).astype(int)
+        term_columns = (t.columns for t in terms)
+        fixed_columns = [np.arange(self.fixed), *term_columns]
+        return np.concatenate(fixed_columns).astype(int)
 
     def _solve(self, terms: Terms, columns: np.ndarray, P: Array, target: Array) -> Solution:
         """Return the solution of products of columns (c, c) among themselves and with the torque.
 
         Terms that all models of the same rows share are left out of the likelihood.
         """
-        sizes = np.concatenate([np.full(t.size, t.variance) for t in terms] or [np.empty(0)])
+        variances = [np.full(t.size, t.variance) for t in terms]
+        sizes = np.concatenate(variances or [np.empty(0)])
         first = self.fixed
         P = P + ROUNDOFF * np.diag(np.maximum(np.diag(P), 1e-300))
         P[range(first, len(P)), range(first, len(P))] += 1.0 / sizes
         if self.prior.size:
-            P[:first, :first] += self.prior / np.outer(self.scale[:first], self.scale[:first])
+            units = np.outer(self.scale[:first], self.scale[:first])
+            P[:first, :first] += self.prior / units
             target = target.copy()
             target[:first] += self.prior @ self.mean / self.scale[:first]
         x = Normal.of(P, target)
@@ -381,8 +385,10 @@ class MixedModel:
         rises = []
         for member in group.members:
             at = np.searchsorted(every, member)
-            S = np.broadcast_to(whole[np.ix_(at, at)], (len(AMOUNTS), len(at), len(at)))
-            part = np.broadcast_to(along[:, None, at], (len(along), len(AMOUNTS), len(at)))
+            block = whole[np.ix_(at, at)]
+            S = np.broadcast_to(block, (len(AMOUNTS), len(at), len(at)))
+            directions = along[:, None, at]
+            part = np.broadcast_to(directions, (len(along), len(AMOUNTS), len(at)))
             rises.append(self.rise(S, part, standard_error * AMOUNTS[:, None] * left[at])[0])
         each = np.concatenate(rises, axis=1)
         odds = np.logaddexp.reduce(each, axis=1) - np.log(each.shape[1]) - group.price
@@ -499,7 +505,9 @@ class MixedModel:
         """
         gains = self.gains(terms)
         found = [t for t in gains if t.odds > RULES.unlikely]
-        priced = dict(zip([t.key for t in found], one_of([t.odds for t in found]), strict=True))
+        keys = [t.key for t in found]
+        shares = one_of([t.odds for t in found])
+        priced = dict(zip(keys, shares, strict=True))
         free = [t for t in gains if t.group.family in unpriced and t.group.place != EVERYWHERE]
         named = [t for t in free if t.odds + t.group.price >= RULES.name]
         likely = [t for t in free if t.odds + t.group.price > 0.0]

@@ -205,9 +205,10 @@ class Record:
         assert self.spline is not None
         spline = self.spline.best
         moving = ~signals.never_moves(spline.q.min(0), spline.q.max(0))
+        derived = self.plan.derive(self.log)
         shares = [
             np.std(x - own, axis=0)[moving] / own.std(0)[moving]
-            for x, own in zip(self.plan.derive(self.log), spline.motion, strict=True)
+            for x, own in zip(derived, spline.motion, strict=True)
         ]
         return all(bool(np.all(share <= RULES.small)) for share in shares)
 

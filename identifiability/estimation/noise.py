@@ -59,7 +59,9 @@ def _data_runs(runs: Runs, data: np.ndarray) -> Runs:
     out: list[tuple[int, int]] = []
     for start, stop in runs:
         edges = start + np.flatnonzero(np.diff(data[start:stop], prepend=False, append=False))
-        out += zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        starts = edges[::2].tolist()
+        stops = edges[1::2].tolist()
+        out += zip(starts, stops, strict=True)
     return out
 
 
@@ -128,11 +130,14 @@ def whiten_chunk(chunk: Chunk, noise: ARNoise) -> Chunk:
     stretches = list(pairwise([0, *gaps.tolist(), N]))
     runs = split_runs(stretches, chunk.data)
     V = chunk.instruments
+    W = whiten_joints(chunk.W, runs, noise)
+    tau = whiten_joints(chunk.tau, runs, noise)
+    instruments = None if V is None else whiten_joints(V, runs, noise)
     return replace(
         chunk,
-        W=whiten_joints(chunk.W, runs, noise),
-        tau=whiten_joints(chunk.tau, runs, noise),
-        instruments=None if V is None else whiten_joints(V, runs, noise),
+        W=W,
+        tau=tau,
+        instruments=instruments,
     )
 
 
@@ -175,7 +180,8 @@ class LaggedProducts:
         first, stop = np.array(runs, int).reshape(-1, 2).T
         out = np.empty((P + 1, P + 1, m, m))
         for lag in range(P + 1):
-            at = np.concatenate([np.arange(0), *(np.arange(a, b - lag) for a, b in runs)])
+            ranges = (np.arange(a, b - lag) for a, b in runs)
+            at = np.concatenate([np.arange(0), *ranges])
             own = Z[at].T @ Z[at + lag]
             for i in range(P + 1 - lag):
                 for ends in (first + i - 1, stop - i - lag) if i else ():
@@ -197,7 +203,8 @@ class LaggedProducts:
 def whitening_filter(pacf: Array) -> Array:
     """Return the filter (p + 1,) of the highest order that whitens, linear in each of pacf."""
     a = np.zeros(HIGHEST_ORDER + 1)
-    a[0], a[1 : len(pacf) + 1] = 1.0, -levinson(pacf)[0][-1]
+    reflected = levinson(pacf)[0][-1]
+    a[0], a[1 : len(pacf) + 1] = 1.0, -reflected
     return a
 
 
@@ -246,7 +253,8 @@ class RestrictedLikelihood:
         G: Array = np.tensordot(np.outer(a, a), lagged.products)
         G[-1, -1] += self.floor * float(a**2 @ lagged.white)
         # Slow noise reduces slow columns to the rounding of their products.
-        G.ravel()[:: len(G) + 1][:-1] += TINY * np.diag(lagged.products[0, 0])[:-1]
+        diagonal = np.diag(lagged.products[0, 0])
+        G.ravel()[:: len(G) + 1][:-1] += TINY * diagonal[:-1]
         return G
 
     def profile(self, values: Array) -> Callable[[Array], tuple[float, Array, float]]:
@@ -334,7 +342,8 @@ class RestrictedLikelihood:
                 share = (turn.T @ S[:-1, -1]) ** 2
                 squares = np.maximum(squares, 0.0)
                 tried = PRECISIONS[:, None]
-                left = np.maximum(S[-1, -1] - (share / (squares + tried)).sum(1), TINY**2)
+                explained = (share / (squares + tried)).sum(1)
+                left = np.maximum(S[-1, -1] - explained, TINY**2)
                 each = self.dof * np.log(left) + np.log1p(squares / tried).sum(1)
                 values[k] = PRECISIONS[np.argmin(each)] if each[-1] - min(each) > price else none
             if np.array_equal(values, before):
@@ -442,7 +451,9 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0
         return silent
     # All is noise at first, or what is missing.
     none = np.full(len(parts), PRECISIONS[-1])
-    found = every.backfit(none, every.maximise(none)), every.backfit(np.ones(len(parts)), none[:0])
+    from_largest = every.backfit(none, every.maximise(none))
+    from_ones = every.backfit(np.ones(len(parts)), none[:0])
+    found = from_largest, from_ones
     noise = min(found, key=lambda x: x[0])[1]
     return replace(noise, sigma=max(noise.sigma, least))
 

@@ -94,7 +94,8 @@ def measure_spread(
     independent = information.rows_each / fit.times
     dof = np.maximum(independent - len(fit.kept) / n, 1.0)
     swallowed = np.sqrt(independent / dof)
-    low, raw = (np.fmax(own * swallowed, other) for own, other in zip(rms, unseen, strict=True))
+    pairs = zip(rms, unseen, strict=True)
+    low, raw = (np.fmax(own * swallowed, other) for own, other in pairs)
     covariance, unknown = measure_errors(information, fit, widening(information, known))
     covariance = covariance + known.together.T @ known.together
     return TorqueUncertainty(covariance=covariance, unknown=unknown, low=low, raw=raw, dof=dof)
@@ -331,8 +332,10 @@ class Prediction:
         variation = np.sqrt(np.mean(self.apart(axis=0) ** 2, axis=0))
         errors = np.abs(self.residual[:, :, [one, other]])
         size = np.sum(errors / or_one(variation)[:, None], axis=1)
-        parts = [x.sum() for x in np.array_split(size[:, 1] - size[:, 0], LEVELS.folds)]
-        return bool(np.sum(parts) > np.std(parts, ddof=1) * np.sqrt(len(parts)))
+        gains = size[:, 1] - size[:, 0]
+        parts = [x.sum() for x in np.array_split(gains, LEVELS.folds)]
+        deviation = np.std(parts, ddof=1)
+        return bool(np.sum(parts) > deviation * np.sqrt(len(parts)))
 
 
 def _ratio(part: Array, whole: Array | float) -> Array:

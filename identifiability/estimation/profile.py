@@ -123,7 +123,8 @@ class Profile:
         All are zero at an end of the curve.
         """
         near = slice(self.at - 1, self.at + 2)
-        inside = 0 < self.at < len(self.grid) - 1 and np.isfinite(self.deviance[near]).all()
+        interior = 0 < self.at < len(self.grid) - 1
+        inside = interior and np.isfinite(self.deviance[near]).all()
         if not inside:
             return 0.0, 0.0, 0.0
         x = self.coordinates[near] - self.coordinates[self.at]
@@ -218,8 +219,8 @@ class Profile:
         more = [np.linspace(u[a], u[b], PIECES + 1)[1:-1] for a, b in coarse]
         if not self.number.logarithmic:
             reach = u[-1] - u[0]
-            beyond = [u[0] - reach] * self.open[0] + [u[-1] + reach] * self.open[1]
-            more.append(np.array(beyond))
+            before = [u[0] - reach] * self.open[0]
+            more.append(np.array(before + [u[-1] + reach] * self.open[1]))
         return np.setdiff1d(self.number.unscale(np.concatenate([[], *more])), self.grid)
 
 

@@ -169,15 +169,17 @@ def to_row(written: Mapping[str, Any]) -> Row:
     own = ("name", "value", "interval95", "unit", "verdict", "reason")
     terms = [np.inf if term is None else term for term in written["terms"].values()]
     low, high = (np.nan if end is None else end for end in written["interval95"] or (None, None))
+    standard_error = float(np.linalg.norm(terms))
+    details = {name: value for name, value in written.items() if name not in own}
     return Row(
         name=written["name"],
         estimate=written["value"],
-        standard_error=float(np.linalg.norm(terms)),
+        standard_error=standard_error,
         interval=(low, high),
         unit=written["unit"],
         verdict=written["verdict"],
         reason=written["reason"],
-        details={name: value for name, value in written.items() if name not in own},
+        details=details,
     )
 
 
@@ -251,17 +253,19 @@ def judge(
         if forbidden[k] and alone.kind is not Class.NOT_IDENTIFIABLE:
             reason = phrase("verdict", "forbidden")
             ruling = Ruling(Class.NOT_IDENTIFIABLE, (Flag.IN_DOUBT,), reason, alone.percent)
+        own_terms = {term: float(own[k]) for term, own in terms.items()}
+        remark = _remark(fit, k, ruling, float(robust[k]))
         verdict = Verdict(
             name=e.columns[k],
             label=labels[k],
             unit=units[k],
             value=float(value[k]),
             sigma=float(e.sigma[k]),
-            terms={term: float(own[k]) for term, own in terms.items()},
+            terms=own_terms,
             share=float(abs(value[k]) * share[k]),
             paper_rule=bool(e.paper_rule[k]),
             verdict=ruling.kind,
-            reason=ruling.reason + _remark(fit, k, ruling, float(robust[k])),
+            reason=ruling.reason + remark,
             flags=ruling.flags,
             sigma_bootstrap=float(drawn[k]),
             nominal=None if nominal is None else float(nominal[k]),

@@ -329,9 +329,8 @@ class Resumed(Engine):
     def _run(self, function: Any, items: Sequence[Any]) -> Iterator[Any]:
         paths = [self.folder / f"{fingerprint(function, item)}.result" for item in items]
         kept = [_read_back(path) for path in paths]
-        fresh = self.engine.map(
-            function, [item for item, old in zip(items, kept, strict=True) if not old]
-        )
+        missing = [item for item, old in zip(items, kept, strict=True) if not old]
+        fresh = self.engine.map(function, missing)
         for path, old in zip(paths, kept, strict=True):
             if not old:
                 write_bytes(path, pickle.dumps(next(fresh), protocol=5))

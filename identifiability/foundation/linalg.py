@@ -80,7 +80,8 @@ def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
     column on the rounding noise that a dependent one leaves behind.
     """
     if len(order) <= len(unit):  # if no column is nearly dependent, one factor shows it
-        sizes = np.abs(np.diag(np.linalg.qr(unit[:, list(order)], mode="r")))
+        ordered = unit[:, list(order)]
+        sizes = np.abs(np.diag(np.linalg.qr(ordered, mode="r")))
         # Above this multiple of it, rounding does not decide.
         if (sizes > 10.0 * SPAN_TOLERANCE).all():
             return list(order)
@@ -100,7 +101,9 @@ def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
 def solve_each(equations: Array) -> Array:
     """Return the solutions of equations (R, k, k + 1), (R, k); NaN without a solution."""
     try:
-        return np.asarray(np.linalg.solve(equations[:, :, :-1], equations[:, :, -1:])[..., 0])
+        matrices = equations[:, :, :-1]
+        targets = equations[:, :, -1:]
+        return np.asarray(np.linalg.solve(matrices, targets)[..., 0])
     except np.linalg.LinAlgError:
         out = np.full(equations.shape[:2], np.nan)
         for i, one in enumerate(equations):

@@ -117,7 +117,8 @@ def find_named(text: str, names: Iterable[str]) -> list[str]:
     if not is_pattern(text):
         return []
     letters = {"*": ".*", "?": "."}
-    rule = re.compile("".join(letters.get(c, re.escape(c)) for c in text), re.DOTALL)
+    parts = (letters.get(c, re.escape(c)) for c in text)
+    rule = re.compile("".join(parts), re.DOTALL)
     return [name for name in known if rule.fullmatch(name)]
 
 

@@ -181,7 +181,8 @@ def allows(kind: Any, value: Any) -> bool:
     if kind is Any or isinstance(kind, TypeVar):
         return True
     if origin is Annotated:
-        return allows(inner[0], value) and all(
+        allowed = allows(inner[0], value)
+        return allowed and all(
             note.holds(value) for note in inner[1:] if isinstance(note, Expected)
         )
     if origin in (Union, UnionType):

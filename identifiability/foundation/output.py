@@ -43,11 +43,13 @@ def check_writable(path: FilePath) -> Path:
     try:
         folder = real(path).parent
         there = path.exists()
+        special = there and not path.is_file()
+        may_write = os.access(folder, os.W_OK)
         wrong = {
             "folder": path.is_dir(),
-            "special": there and not path.is_file(),
+            "special": special,
             "nowhere": not folder.is_dir(),
-            "closed": not os.access(folder, os.W_OK),
+            "closed": not may_write,
             # Another run may add its file there at any time, but removes none.
             "protected": there and not os.access(path, os.W_OK),
         }

@@ -84,7 +84,8 @@ class Result(Keyed, ABC):
         """Return the findings of the result: its hints, and the notes of its prepared logs."""
         prepared = (getattr(self, name, ()) for name in ("samples", "validation", "records"))
         notes = (text for logs in prepared for one in logs for text in one.notes)
-        found: tuple[Finding, ...] = in_words(tuple(of_key([*getattr(self, "hints", ()), *notes])))
+        every = [*getattr(self, "hints", ()), *notes]
+        found: tuple[Finding, ...] = in_words(tuple(of_key(every)))
         return found
 
     @property

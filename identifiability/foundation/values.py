@@ -26,7 +26,8 @@ def frozen(cls: Any = None, *, kw_only: bool = False) -> Any:
     if cls is None:
         return partial(frozen, kw_only=kw_only)
     # Of NumPy's arrays, under its name or ours.
-    arrays = tuple(n for n, a in vars(cls).get("__annotations__", {}).items() if "rray" in str(a))
+    annotations = vars(cls).get("__annotations__", {})
+    arrays = tuple(n for n, a in annotations.items() if "rray" in str(a))
     for name in vars(cls).get("__annotations__", {}):
         value = vars(cls).get(name)
         if value.__hash__ is None:  # each object has a copy of its default

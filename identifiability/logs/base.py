@@ -172,7 +172,8 @@ def _orientation(values: Values, source: str) -> scipy.spatial.transform.Rotatio
 def _spin(turn: scipy.spatial.transform.Rotation, step: float) -> Array:
     """Return the angular velocity of an orientation along the axes of the base, (N, 3)."""
     quat = turn.as_quat()
-    flips = np.cumsum(np.concatenate([[0], (quat[1:] * quat[:-1]).sum(1) < 0]))
+    products = quat[1:] * quat[:-1]
+    flips = np.cumsum(np.concatenate([[0], products.sum(1) < 0]))
     quat = quat * np.where(flips % 2, -1.0, 1.0)[:, None]
     rate = signals.differentiate(quat, step)
     v = quat[:, :3]
@@ -194,7 +195,8 @@ def _mean_acceleration(
     step = signals.sampling_step(t)
     rotation = scipy.spatial.transform.Rotation
     moves = rotation.from_rotvec(0.5 * (omega[1:] + omega[:-1]) * step).as_matrix()
-    turn = rotation.from_matrix(np.stack([*accumulate(moves, np.matmul, initial=np.eye(3))]))
+    turns = accumulate(moves, np.matmul, initial=np.eye(3))
+    turn = rotation.from_matrix(np.stack([*turns]))
     # After this time gravity corrects the gyroscope [s].
     at = np.linspace(-1, 1, len(t))
     spans = np.polynomial.chebyshev.chebvander(at, int(step * len(t) / 10.0))

@@ -163,19 +163,23 @@ def name_columns(
     held = [g for g in taken.values() if g.joint in known.locked and g.kind == "q"]
     columns = [_in_si(c, units or {}, source, known) for c in own]
     columns, torque_notes = _convert_torque(columns, wanted, known, source)
+    renamed = _tell(names, columns, wanted, how)
+    timed = _state_time(resolved, taken["t"])
     notes = (
-        *_tell(names, columns, wanted, how),
-        *_state_time(resolved, taken["t"]),
+        *renamed,
+        *timed,
         *_tell_angles(wanted, known),
         *torque_notes,
     )
+    locked = tuple(_in_si(c, units or {}, source, known) for c in held)
+    commands = tuple(g.name for g in own if commanding and g.kind in COMMANDS)
     return Naming(
         tuple(columns),
         wanted,
         notes,
-        locked=tuple(_in_si(c, units or {}, source, known) for c in held),
+        locked=locked,
         made=() if "tau" in needed else tuple(f"{j}.tau" for j in wanted),
-        commands=tuple(g.name for g in own if commanding and g.kind in COMMANDS),
+        commands=commands,
     )
 
 
@@ -299,11 +303,15 @@ def _preferred(columns: Sequence[Column], names: Mapping[str, str]) -> Sequence[
     Those with the documented name go first, then those that the user renamed. Of several times,
     PlotJuggler's goes first, then the stamp of a ROS header: a recorder's clock jitters.
     """
+    literal = [g for g in columns if g.literal]
+    stripped = [g for g in columns if names[g.source] != g.source.strip()]
+    stamped = [g for g in columns if g.source == "__time"]
+    stamps = [g for g in columns if g.kind == "t" and is_stamp(g.source)]
     orders = (
-        [g for g in columns if g.literal],
-        [g for g in columns if names[g.source] != g.source.strip()],
-        [g for g in columns if g.source == "__time"],
-        [g for g in columns if g.kind == "t" and is_stamp(g.source)],
+        literal,
+        stripped,
+        stamped,
+        stamps,
     )
     return next((some for some in orders if some), columns)
 
@@ -470,21 +478,18 @@ def _tell(
     """Return notes on renamed columns and converted units, half a sentence each."""
     used = {c.source for c in own}
     left = [n for column, n in names.items() if column not in used and _kind(n) in CHANNELS]
+    renamed = [f"{a.strip()} is {b}" for a, b in names.items() if a.strip() != b]
+    undriven = [*dict.fromkeys(_owner(n) for n in left if _owner(n) not in wanted)]
+    converted = [f"{c.name} from {c.unit.text}" for c in own if c.unit and c.unit.factor != 1.0]
     told = {
-        "columns were renamed ({})": [
-            f"{a.strip()} is {b}" for a, b in names.items() if a.strip() != b
-        ],
+        "columns were renamed ({})": renamed,
         f"columns were read by the usual meaning of their names: {{}}{how}": [
             f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}"
             for c in own
             if not c.literal
         ],
-        "columns of {}, which the robot does not drive, were left out": [
-            *dict.fromkeys(_owner(n) for n in left if _owner(n) not in wanted)
-        ],
-        "values were converted to SI units, as the log states them: {}": [
-            f"{c.name} from {c.unit.text}" for c in own if c.unit and c.unit.factor != 1.0
-        ],
+        "columns of {}, which the robot does not drive, were left out": undriven,
+        "values were converted to SI units, as the log states them: {}": converted,
     }
     return [text.format(listing(found, 4)) for text, found in told.items() if found]
 
@@ -661,12 +666,13 @@ def _refuse_missing(
     every = listing(list(names.values()))
     if "t" not in taken:
         likely = [n for n in free if n.casefold().startswith("time")]
+        renames = _map_word([*likely, "OLD"][0], "t")
         raise LogError(
             Finding(
                 "columns.time",
                 source,
                 columns=every,
-                rename=_map_word([*likely, "OLD"][0], "t"),
+                rename=renames,
             )
         )
     has = [*dict.fromkeys(c.joint for c in measured.values() if c.kind in ("q", "tau"))]
@@ -711,11 +717,12 @@ def tell_missing(
     maps = f" If one of {others} is it, add {_map_word('OLD', first)}." if free else RECORD
     if _have_both_sides(free, joints):
         maps = f" {phrase('columns.missing', 'both')}"
+    near = near_match(missing[0], free)
     return Finding(
         "columns.missing",
         source,
         missing=listing(missing, 4),
-        near=near_match(missing[0], free),
+        near=near,
         locks=f" Lock joints that do not move: {' '.join(options)}." if some else "",
         maps=maps,
     )

@@ -34,7 +34,9 @@ def held_mean(t: Array, x: Array, at: Array, width: float) -> Array:
     (m, n)
     """
     areas = x[:-1] * np.diff(t)[:, None]
-    area = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(areas, 0)])
+    start = np.zeros((1, x.shape[1]))
+    sums = np.cumsum(areas, 0)
+    area = np.concatenate([start, sums])
     ends = [_integral(t, x, area, at + side * 0.5 * width) for side in (-1, 1)]
     mean: Array = (ends[1] - ends[0]) / width
     return mean

@@ -60,7 +60,8 @@ def check_units(robot: Robot, windows: Sequence[Log]) -> None:
 
 def looks_like_degrees(q: Array, low: float, high: float) -> bool:
     """Return whether positions (N,) fit limits [rad] in degrees, and not in rad by whole turns."""
-    middle = round((float(np.median(q)) - 0.5 * (low + high)) / (2 * np.pi)) * 2 * np.pi
+    median = float(np.median(q))
+    middle = round((median - 0.5 * (low + high)) / (2 * np.pi)) * 2 * np.pi
     if not np.isfinite(middle) or np.mean((q - middle < low) | (q - middle > high)) < RULES.small:
         return False
     return _fits(q, low, high, 180 / np.pi)

@@ -80,8 +80,15 @@ class Conventions:
         turns = [j for j in robot.motor_joints if not robot.is_prismatic(robot.dof_index(j))]
         # A locked joint may be revolute or prismatic; nearly all are revolute.
         degrees = (*turns, *motors, *robot.locked) if robot.angles == "deg" else ()
+        joints = robot.motor_joints or robot.joints[:1]
+        passive = tuple(j for j in robot.home_table if j not in robot.motor_joints)
+        lengths = {
+            cable.name: cable.along.through(robot.couplings)
+            for cable in robot.cables
+            if cable.along is not None
+        }
         return Conventions(
-            joints=robot.motor_joints or robot.joints[:1],  # of a body alone no column is about it
+            joints=joints,  # of a body alone no column is about it
             motors=motors,
             columns=robot.columns,
             scales=robot.scales,
@@ -91,10 +98,6 @@ class Conventions:
             locked=robot.locked,
             servo=robot.servo,
             base=robot.base,
-            passive=tuple(j for j in robot.home_table if j not in robot.motor_joints),
-            lengths={
-                cable.name: cable.along.through(robot.couplings)
-                for cable in robot.cables
-                if cable.along is not None
-            },
+            passive=passive,
+            lengths=lengths,
         )

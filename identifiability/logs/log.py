@@ -234,9 +234,10 @@ class Log:
 
     def rows(self, start: int, stop: int, name: str = "") -> Log:
         """Return the samples [start, stop) as a log, of the same name by default."""
+        t = self.t[start:stop]
         return self.each(
             lambda x: x[start:stop],
-            t=self.t[start:stop],
+            t=t,
             name=name or self.name,
         )
 
@@ -348,12 +349,13 @@ class Log:
         moved = dict[str, Any]()
         if self.q_m is not None:
             moved = {"q": np.where(other, self.q, self.q_m), "dq": None, "ddq": None}
+        unmeasured_some = unmeasured if unmeasured.any() else None
         drives = replace(
             links,
             name=f"{self.name} (motors)",
             path="",
             tau=self.tau_m - self.tau,
-            unmeasured=unmeasured if unmeasured.any() else None,
+            unmeasured=unmeasured_some,
             drives_alone=True,
             **moved,
         )
@@ -406,7 +408,8 @@ class Log:
         if tuple(wanted) == self.joints:
             return self
         order = [self.joints.index(j) for j in wanted]
-        return replace(self.each(lambda x: x[:, order], joints=tuple(wanted)), base=self.base)
+        ordered = self.each(lambda x: x[:, order], joints=tuple(wanted))
+        return replace(ordered, base=self.base)
 
 
 def join_logs(logs: Sequence[Log]) -> Log:
@@ -497,7 +500,8 @@ def _same(one: Log, other: Log) -> bool:
         return False
     if not (len(one) and len(other)):
         return True
-    return bool(one.t[0] <= other.t[-1] and other.t[0] <= one.t[-1])
+    before = one.t[0] <= other.t[-1]
+    return bool(before and other.t[0] <= one.t[-1])
 
 
 def share_clock(logs: Sequence[Log]) -> list[Log]:
@@ -512,7 +516,8 @@ def share_clock(logs: Sequence[Log]) -> list[Log]:
         if log.start is not None
     ]
     order = sorted(spans)
-    if len(spans) < len(logs) or any(last >= first for (_, last), (first, _) in pairwise(order)):
+    several = len(spans) < len(logs)
+    if several or any(last >= first for (_, last), (first, _) in pairwise(order)):
         return [log if log.start is None else replace(log, start=None) for log in logs]
     return [replace(log, start=(log.start or 0.0) - order[0][0]) for log in logs]
 
@@ -532,17 +537,21 @@ def refuse_silent(logs: Sequence[Log]) -> None:
     lost = np.concatenate(gone).all(0)
     stays = lost & (np.ptp(q, axis=0) <= RULES.small)
     if 0 < stays.sum() < len(stays):
+        joints = np.array(logs[0].joints)[stays]
+        medians = np.median(q, axis=0)[stays]
         at = zip(
-            np.array(logs[0].joints)[stays],
-            np.median(q, axis=0)[stays],
+            joints,
+            medians,
             strict=True,
         )
         silent = {str(j): option_for_shell("--lock", f"{j}={x:.4g}") for j, x in at}
+        names = [log.name for log in logs]
+        locks = " ".join(silent.values())
         raise LogError(
             Finding(
                 "logs.unmeasured",
-                names=[log.name for log in logs],
+                names=names,
                 joints=[*silent],
-                locks=" ".join(silent.values()),
+                locks=locks,
             )
         )

@@ -152,7 +152,8 @@ def _name_joints(labels: pd.Series, known: Conventions) -> bool:
     longest = max(map(len, joints), default=0)
     few = 0 < len(joints) <= min(MOST_LABELS, len(labels) // 2)
     # A table of one joint belongs to that joint, for any label.
-    other = len(known.joints) == len(joints) == 1 and rename(joints[0], known) != known.joints[0]
+    single = len(known.joints) == len(joints) == 1
+    other = single and rename(joints[0], known) != known.joints[0]
     return few and longest <= LONGEST_NAME and not other
 
 
@@ -236,7 +237,8 @@ def _time_keys(times: pd.Series) -> Array:
 
 def _is_new(keys: Array) -> Array:
     """Return at which rows another time begins, (N,) bool."""
-    return np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
+    changed = keys[1:] != keys[:-1]
+    return np.concatenate([[True], changed])[: len(keys)]
 
 
 def _turn(block: pd.DataFrame, layout: Layout, joints: Sequence[str], source: str) -> pd.DataFrame:

@@ -64,7 +64,8 @@ def find_range(x: Array) -> tuple[Array, Array]:
     """Return the smallest and the largest values of x (N, …) along its rows, (…) each."""
     parts = [x[a:b] for a, b in divide_rows(len(x))]
     low = np.min([part.min(0, initial=np.inf) for part in parts], axis=0)
-    return low, np.max([part.max(0, initial=-np.inf) for part in parts], axis=0)
+    largest = [part.max(0, initial=-np.inf) for part in parts]
+    return low, np.max(largest, axis=0)
 
 
 def gather(pieces: Iterable[Mapping[str, Array]]) -> dict[str, Any]:

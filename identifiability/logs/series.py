@@ -229,7 +229,8 @@ def resample(left: Array, rng: np.random.Generator) -> Array:
     times = autocorrelation_time(left)
     length = max(1, int(np.ceil(5 * np.median(times - 1.0))))
     stretch = np.arange(len(left)) // length
-    signs = rng.choice([-1.0, 1.0], (int(stretch[-1]) + 1, left.shape[1]))
+    last = int(stretch[-1])
+    signs = rng.choice([-1.0, 1.0], (last + 1, left.shape[1]))
     return np.asarray(left * signs[stretch])
 
 
@@ -264,9 +265,8 @@ def _spline_bases(t: Array, count: int) -> list[Any]:
         # The slope of a B-spline is a difference of two of one degree less [de Boor 1978].
         width = knots[degree + 1 : -1] - knots[1 : -degree - 1]
         rate = degree / np.where(width > 0, width, np.inf)
-        step = scipy.sparse.diags_array(
-            [-rate, rate], offsets=[0, 1], shape=(len(rate), len(rate) + 1)
-        )
+        shape = (len(rate), len(rate) + 1)
+        step = scipy.sparse.diags_array([-rate, rate], offsets=[0, 1], shape=shape)
         slopes = step @ slopes
         knots = knots[1:-1]
         bases.append(design(t, knots, degree - 1) @ slopes)
@@ -404,9 +404,10 @@ def _refine(t: Array, channels: Sequence[Array], noise: Sequence[Array], period:
     spare = min(-(-len(t) // 2000), int(period / (4 * harmonics * step)))
     every = slice(None, None, max(spare, 1))
     few = t[every], [x[every] for x in channels], noise, harmonics
+    bounds = (period - step, period + step)
     found = scipy.optimize.minimize_scalar(
         partial(_misfit, *few),
-        bounds=(period - step, period + step),
+        bounds=bounds,
         method="bounded",
         options={"xatol": 1e-4 * step},
     )

@@ -55,7 +55,8 @@ def held_since(t: Array, changes: Array) -> Array:
     behind -= behind.min()
     out = t.copy()
     if usual > dt + uneven >= behind.max():
-        out[rows] = np.maximum(t[rows] - np.where(behind > uneven, behind, 0.0), t[rows - 1])
+        waited = np.where(behind > uneven, behind, 0.0)
+        out[rows] = np.maximum(t[rows] - waited, t[rows - 1])
     return out
 
 
@@ -79,7 +80,8 @@ def is_constant(low: Array, high: Array, size: float = 0.0) -> Array:
     -------
     (n,) bool
     """
-    never: Array = high - low <= ROUNDOFF * (size + np.maximum(np.abs(low), np.abs(high)))
+    larger = np.maximum(np.abs(low), np.abs(high))
+    never: Array = high - low <= ROUNDOFF * (size + larger)
     return never
 
 
@@ -97,7 +99,9 @@ def cubic(at: Array, t: Array, x: Array) -> Array:
         others = t[np.delete(nodes, k, axis=1)]
         lengths = t[nodes[:, [k]]] - others
         weight = np.prod((at[:, None] - others) / lengths, axis=1)
-        out += weight.reshape(-1, *(1,) * (x.ndim - 1)) * x[nodes[:, k]]
+        factors = weight.reshape(-1, *(1,) * (x.ndim - 1))
+        values = x[nodes[:, k]]
+        out += factors * values
     return out
 
 
@@ -194,9 +198,10 @@ def differentiate(x: Array, dt: float) -> Array:
     end = 4 * REACH
     if len(x) < 2 * end:
         return _spline_slope(x) / dt
+    kernel = [*np.negative(AHEAD[::-1]), 0.0, *AHEAD]
     slope: Array = scipy.ndimage.correlate1d(
         x,
-        [*np.negative(AHEAD[::-1]), 0.0, *AHEAD],
+        kernel,
         axis=0,
     )
     slope[:REACH] = _spline_slope(x[:end])[:REACH]
@@ -262,10 +267,13 @@ class Decimation:
         for at in range(0, count, TOGETHER):
             few = min(TOGETHER, count - at)
             end = (few - 1) * self.factor + length
+            band = self._band[:few, :end]
+            piece = flat[at * self.factor : at * self.factor + end]
+            room = out[at : at + few]
             np.matmul(
-                self._band[:few, :end],
-                flat[at * self.factor : at * self.factor + end],
-                out=out[at : at + few],
+                band,
+                piece,
+                out=room,
             )
         return out.reshape(count, *x.shape[1:])
 

@@ -66,10 +66,13 @@ class Spectrum:
         rate = 1.0 / dt
         windows, dt = _average_steps(windows, dt)
         length = len(windows[0])
-        taper = (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length))[:, None]  # Hann
+        wave = np.cos(2 * np.pi * np.arange(length) / length)
+        taper = (0.5 - 0.5 * wave)[:, None]  # Hann
         power = [np.abs(np.fft.rfft(taper * (x - x.mean(0)), axis=0)) ** 2 for x in windows]
         scale = 2 * dt / max(float((taper**2).sum()), 1e-300)
-        return Spectrum(rate, np.fft.rfftfreq(length, dt), scale * np.mean(power, axis=0), order)
+        frequencies = np.fft.rfftfreq(length, dt)
+        mean_power = scale * np.mean(power, axis=0)
+        return Spectrum(rate, frequencies, mean_power, order)
 
     @cached_property
     def smooth(self) -> Array:
@@ -91,11 +94,11 @@ class Spectrum:
         at = np.unique(np.geomspace(1, max(last, 1), 80).astype(int))
         low = np.minimum((ABOVE[0] * at).astype(int), int(0.9 * last))
         high = np.maximum((ABOVE[1] * at).astype(int), low + 2)
-        found = np.array(
-            [np.median(self.smooth[a:b], axis=0) for a, b in zip(low, high, strict=True)]
-        )
+        bands = zip(low, high, strict=True)
+        found = np.array([np.median(self.smooth[a:b], axis=0) for a, b in bands])
+        found_at = np.searchsorted(at, np.arange(last + 1), "right") - 1
         nearest = np.clip(
-            np.searchsorted(at, np.arange(last + 1), "right") - 1,
+            found_at,
             0,
             len(at) - 1,
         )

@@ -97,10 +97,12 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
         span = float(np.ptp(smooth))
     height = np.maximum(above, below)
     size = int(np.clip(len(x) // TAIL_SHARE, TAIL_LEAST, TAIL_MOST))
+    of_noise = RULES.spike * float(rough[rough > 0].min(initial=np.inf) if rough.any() else 0.0)
+    of_height = RULES.spike * float(np.sort(height)[-1 - size] if len(x) > size else 0.0)
     least = max(
         RULES.gap * float(step),
-        RULES.spike * float(rough[rough > 0].min(initial=np.inf) if rough.any() else 0.0),
-        RULES.spike * float(np.sort(height)[-1 - size] if len(x) > size else 0.0),
+        of_noise,
+        of_height,
     )
     far = np.flatnonzero(height > least).tolist()
     found = [k for k in far if height[k] > RULES.spike * _usual(height, k)]
@@ -123,7 +125,9 @@ def _foretell(x: Array, k: int, wrong: set[int]) -> float:
     """
     near = range(max(0, k - REACH), min(len(x), k + REACH + 1))
     right = [i - k for i in near if i not in wrong and np.isfinite(x[i])]
-    nodes = [*[n for n in right if n < 0][-2:], *[n for n in right if n > 0][:2]]
+    before = [n for n in right if n < 0][-2:]
+    after = [n for n in right if n > 0][:2]
+    nodes = [*before, *after]
     weights = [np.prod([m / (m - n) for m in nodes if m != n]) for n in nodes]
     return float(np.dot(weights, x[[k + n for n in nodes]]))
 
@@ -133,7 +137,8 @@ def _extend(x: Array, count: int) -> Array:
     if not count:
         return x
     middle = float(np.median(x[: count + 1]))
-    return np.concatenate([2 * middle - x[count + 1 : 2 * count + 1][::-1], x])
+    mirrored = 2 * middle - x[count + 1 : 2 * count + 1][::-1]
+    return np.concatenate([mirrored, x])
 
 
 def _usual(height: Array, k: int) -> float:

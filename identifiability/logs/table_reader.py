@@ -113,7 +113,8 @@ def _fresh(x: Array) -> Array:
     usual = int(np.median(lengths))
     if usual < LEAST or np.mean(np.abs(lengths - usual) <= 1) < RULES.nearly_all:
         return every
-    since = np.arange(len(x)) - np.maximum.accumulate(
+    rows = np.arange(len(x))
+    since = rows - np.maximum.accumulate(
         np.where(
             new,
             np.arange(len(x)),

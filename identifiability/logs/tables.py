@@ -80,7 +80,8 @@ def parsing(path: Path) -> Iterator[None]:
     except Exception as error:  # noqa: BLE001 - foreign parsers may raise anything
         found = find_reader(path)
         form = "Parquet" if is_parquet(path) else "CSV" if found is None else found.kind
-        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+        short = " ".join(str(error).split())[:200]
+        reason = short.rstrip(".") or type(error).__name__
         raise LogError(f"{path} cannot be read as {form}: {reason}.") from None
 
 
@@ -210,8 +211,9 @@ def _parse(path: Path, form: Form, lines: list[str], row: int) -> pd.DataFrame:
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
         warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is reported by row later
         try:
+            text = "".join([f"{header}\n", *lines])
             frame = pd.read_csv(
-                StringIO("".join([f"{header}\n", *lines])),
+                StringIO(text),
                 index_col=False,
                 skipinitialspace=True,
                 decimal=form.decimal,

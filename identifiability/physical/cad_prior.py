@@ -101,7 +101,9 @@ def thick_inertia(theta: Array, name: str) -> Array:
         )
     mass = J[3, 3]
     first = J[:3, 3]
-    spread, axes = np.linalg.eigh(J[:3, :3] - np.outer(first, first) / (mass or 1.0))
+    second = J[:3, :3]
+    shift = np.outer(first, first) / (mass or 1.0)
+    spread, axes = np.linalg.eigh(second - shift)
     size = spread.sum()
     if not (mass > 0 and size > BOUNDARY * (size + first @ first / mass)):
         raise ValueError(
@@ -253,7 +255,9 @@ def combine_with_file(
     phi = root @ (U[:, known].T @ np.concatenate([aim, prior]))
     sd = np.linalg.norm(to_x @ root, axis=1)
     unknown = to_x * size @ (np.eye(len(size)) - Vt[known].T @ Vt[known])
-    lost = np.linalg.norm(unknown, axis=1) > np.sqrt(ROUNDOFF) * np.linalg.norm(to_x * size, axis=1)
+    unknown_size = np.linalg.norm(unknown, axis=1)
+    scale = np.linalg.norm(to_x * size, axis=1)
+    lost = unknown_size > np.sqrt(ROUNDOFF) * scale
     off = B @ phi - prior
     squares = float(off @ off + np.sum((A @ phi - aim) ** 2))
     # Only common statements of both can disagree.
@@ -520,7 +524,8 @@ def _measure_errors(
     """
     robot, rest = apply_tilt(structure.robot, values)
     accounts = [rest, *file_values(robot, rest), *file_values(robot, robot.nominal)]
-    phi = np.array([[f.get(name, 0.0) for name in structure.columns] for f in accounts]).T
+    rows = [[f.get(name, 0.0) for name in structure.columns] for f in accounts]
+    phi = np.array(rows).T
     first = [structure.columns.index(n) == k for k, n in enumerate(structure.columns)]
     regression = Regression(robot, structure.model, tuple(samples))
     counted_once = phi * np.array(first)[:, None]

@@ -109,7 +109,8 @@ class PhysicalResult:
         """Return the standard parameters of the nearest physically consistent robot by name."""
         if self.nearest is None:
             return {}
-        return {n: float(v) for n, v in zip(self.region.columns, self.nearest.phi, strict=True)}
+        pairs = zip(self.region.columns, self.nearest.phi, strict=True)
+        return {n: float(v) for n, v in pairs}
 
 
 def leave_undecided(structure: Structure, submodel: Submodel) -> PhysicalResult:
@@ -481,8 +482,10 @@ def _most_room(
     # minimise −t with offset − constraint @ (t, u) in the cones
     unknowns = 1 + rows.shape[1]
     goal = -np.eye(unknowns)[0]
-    signs = np.vstack([-goal, np.hstack([np.ones((len(rows), 1)), -rows])])
-    one = np.broadcast_to(np.eye(4).reshape(16, 1), (len(maps), 16, 1))
+    room = np.hstack([np.ones((len(rows), 1)), -rows])
+    signs = np.vstack([-goal, room])
+    unit = np.eye(4).reshape(16, 1)
+    one = np.broadcast_to(unit, (len(maps), 16, 1))
     squares = TWICE[:, None] * np.concatenate([one, -maps], axis=2)[:, LOWER]
     constraint = csc_array(np.vstack([signs, squares.reshape(-1, unknowns)]))
     offset = np.concatenate([[1.0], slack, (TWICE * at[:, LOWER]).ravel()])
@@ -502,7 +505,8 @@ def _most_room(
     t, *u = found.x
     dual = np.array(found.z)
     Z = np.zeros((len(maps), 4, 4))
-    Z[:, ROW, COLUMN] = Z[:, COLUMN, ROW] = dual[len(signs) :].reshape(-1, 10) / TWICE
+    of_bodies = dual[len(signs) :]
+    Z[:, ROW, COLUMN] = Z[:, COLUMN, ROW] = of_bodies.reshape(-1, 10) / TWICE
     return np.array(u), t, dual[1 : len(signs)], Z.reshape(-1, 16)
 
 

@@ -72,11 +72,15 @@ class PhysicalSet:
 
     def __post_init__(self) -> None:
         nb = len(self.bodies)
+        mass = np.broadcast_to(self.mass, nb)
+        length = np.broadcast_to(self.length, nb)
+        names = self.names or tuple(f"body {k + 1}" for k in range(nb))
+        columns = self.columns or tuple(map(str, range(self.size)))
         completed = {
-            "mass": np.broadcast_to(self.mass, nb),
-            "length": np.broadcast_to(self.length, nb),
-            "names": self.names or tuple(f"body {k + 1}" for k in range(nb)),
-            "columns": self.columns or tuple(map(str, range(self.size))),
+            "mass": mass,
+            "length": length,
+            "names": names,
+            "columns": columns,
         }
         for name, value in completed.items():
             object.__setattr__(self, name, value)
@@ -129,7 +133,9 @@ class PhysicalSet:
     @cached_property
     def rows(self) -> Array:
         """(m, p): ``rows @ phi ≥ least`` are the signs and then the bounds."""
-        return np.vstack([np.eye(self.size)[self.signed], *[row for row, _ in self.bounds]])
+        unit = np.eye(self.size)
+        stated = [row for row, _ in self.bounds]
+        return np.vstack([unit[self.signed], *stated])
 
     @cached_property
     def scaled_rows(self) -> Array:
@@ -194,17 +200,22 @@ class PhysicalSet:
 def physical_set(structure: Structure) -> PhysicalSet:
     """Return the set of physically consistent parameter vectors of this structure."""
     theta = structure.nominal[structure.inertial]
-    stated = (theta[:, 9] > 0) & (theta[:, [0, 3, 5]].sum(1) > 0)  # a file may state no mass at all
+    heavy = theta[:, 9] > 0
+    trace = theta[:, [0, 3, 5]].sum(1)
+    stated = heavy & (trace > 0)  # a file may state no mass at all
     mass, length = natural_scale(theta)
     mass = np.where(stated, mass, 1.0)
+    names = tuple(structure.bodies.values())
+    lengths = np.where(stated, length, 0.1)
+    bounds = tuple(_stated_bounds(structure, mass))
     return PhysicalSet(
         bodies=structure.inertial,
         nonnegative=structure.nonnegative,
-        names=tuple(structure.bodies.values()),
+        names=names,
         columns=structure.columns,
         mass=mass,
-        length=np.where(stated, length, 0.1),
-        bounds=tuple(_stated_bounds(structure, mass)),
+        length=lengths,
+        bounds=bounds,
         functions=tuple(list_functions(structure)),
     )
 
@@ -291,7 +302,10 @@ class LeastSquares:
         F = estimate.estimator.loss(information, estimate)
         variance = float(estimate.weights @ estimate.rss) / max(estimate.dof, 1)
         rss = max(float(F[-1, -1] ** 2), variance * 1e-12)
-        return LeastSquares(F[:-1, :-1], F[:-1, -1], rss, max(float(estimate.dof), 1.0))
+        triangle = F[:-1, :-1]
+        target = F[:-1, -1]
+        dof = max(float(estimate.dof), 1.0)
+        return LeastSquares(triangle, target, rss, dof)
 
     @staticmethod
     def likelihood(information: Information, estimate: Estimate) -> LeastSquares:
@@ -331,10 +345,12 @@ class LeastSquares:
 
     def beside(self, rows: Array, aim: Array) -> LeastSquares:
         """Return the problem with further squares ``rows (m, p) phi − aim (m,)`` [torque]."""
+        R = np.vstack([self.R, rows])
+        z = np.concatenate([self.z, aim])
         return replace(
             self,
-            R=np.vstack([self.R, rows]),
-            z=np.concatenate([self.z, aim]),
+            R=R,
+            z=z,
         )
 
     @property
@@ -409,7 +425,8 @@ class Fixed:
         """
         k = len(self.rows)
         Q, R = np.linalg.qr((self.rows * scale).T, mode="complete")
-        return Q[:, :k] @ np.linalg.solve(R[:k].T, self.value), Q[:, k:]
+        along = np.linalg.solve(R[:k].T, self.value)
+        return Q[:, :k] @ along, Q[:, k:]
 
 
 def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:

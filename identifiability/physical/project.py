@@ -188,9 +188,8 @@ class Projection:
             return None
         x = program.free + program.along @ found.z
         values = np.linalg.eigvalsh((self.region.cones @ x).reshape(-1, 4, 4))
-        holds = (values >= self.margin).all() and (
-            program.rows @ found.z + program.slack >= 0
-        ).all()
+        inside = (values >= self.margin).all()
+        holds = inside and (program.rows @ found.z + program.slack >= 0).all()
         return found if holds else None
 
     def _solve_generally(self, program: Program) -> Optimum:
@@ -287,12 +286,14 @@ class Projection:
         # Complementarity: of slack and multiplier one is zero, and the larger one says which.
         room = np.append(margins - self.margin, program.rows @ found.z + program.slack)
         pressed = found.pressure > room
+        excess = (rss - data.rss_min) / data.unit**2
+        active = tuple(np.array(region.constraints, object)[pressed])
         return FeasibleEstimate(
             phi=phi,
             rss=rss,
-            excess=(rss - data.rss_min) / data.unit**2,
+            excess=excess,
             margins=margins,
-            active=tuple(np.array(region.constraints, object)[pressed]),
+            active=active,
             accurate=found.accurate,
         )
 
@@ -394,7 +395,9 @@ def follow(
     sign = program.rows
     z = _start_at_nominal(program, region, maps)
     bend = 2 * program.stiff**2
-    weight = max(weights[0], float(bend @ z**2) / (8 * max(len(maps), 1)))
+    bent = float(bend @ z**2)
+    count = max(len(maps), 1)
+    weight = max(weights[0], bent / (8 * count))
     slack = np.abs(sign @ z + program.slack) + 0.01
     y = weight / slack
     at = 0
@@ -426,7 +429,8 @@ def follow(
         change = sign @ step + lack
         rise = (aim - y * change) / slack - y
         values = _relative_change(rates @ step, weight)
-        reach = min(_room(np.ones(values.size), values), _room(slack, change), _room(y, rise))
+        to_values = _room(np.ones(values.size), values)
+        reach = min(to_values, _room(slack, change), _room(y, rise))
         z = z + reach * step
         slack = slack + reach * change
         y = y + reach * rise
@@ -481,4 +485,5 @@ def _relative_change(rates: Array, weight: float) -> Array:
 def _room(value: Array, change: Array) -> float:
     """Return the part of a change, at most one, that leaves values positive."""
     falls = change < 0
-    return min(1.0, EDGE * float((value[falls] / -change[falls]).min(initial=np.inf)))
+    ratios = value[falls] / -change[falls]
+    return min(1.0, EDGE * float(ratios.min(initial=np.inf)))

@@ -27,7 +27,10 @@ def _basis() -> Array:
     for column, axis in ((0, 0), (3, 1), (5, 2)):
         basis[column, [0, 1, 2], [0, 1, 2]] = 0.5
         basis[column, axis, axis] = -0.5
-    for column, (i, j) in ((1, (0, 1)), (2, (0, 2)), (4, (1, 2))):
+    first = (1, (0, 1))
+    second = (2, (0, 2))
+    third = (4, (1, 2))
+    for column, (i, j) in (first, second, third):
         basis[column, i, j] = basis[column, j, i] = -1.0
     for axis in range(3):
         basis[6 + axis, axis, 3] = basis[6 + axis, 3, axis] = 1.0
@@ -73,7 +76,9 @@ def scale_matrix(mass: ArrayLike, length: ArrayLike) -> Array:
     (..., 4), the square roots of ``mass * (length², length², length², 1)``
     """
     m, ell = np.broadcast_arrays(np.asarray(mass, float), np.asarray(length, float))
-    return np.sqrt(m)[..., None] * np.stack((ell, ell, ell, np.ones_like(ell)), axis=-1)
+    root = np.sqrt(m)[..., None]
+    lengths = np.stack((ell, ell, ell, np.ones_like(ell)), axis=-1)
+    return root * lengths
 
 
 def entry_scale(mass: Array, length: Array) -> Array:

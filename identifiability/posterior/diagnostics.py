@@ -51,7 +51,8 @@ def log_distances(region: PhysicalSet, phi: Array) -> Array:
     rows = phi @ region.rows.T - region.least
     matrices = region.cone_map
     square = phi @ matrices.reshape(-1, region.size).T
-    inside = np.linalg.det(square.reshape(*square.shape[:-1], len(matrices), 4, 4))
+    pseudo = square.reshape(*square.shape[:-1], len(matrices), 4, 4)
+    inside = np.linalg.det(pseudo)
     distance = np.concatenate([rows, inside], axis=-1)
     mean = distance.mean(axis=tuple(range(distance.ndim - 1)))
     return np.log(np.maximum(distance, np.maximum(ROUNDOFF * mean, 1e-300)))
@@ -179,7 +180,8 @@ def may_suffice(draws: Array, thresholds: Thresholds | None = None) -> bool:
     limits = thresholds or Thresholds()
     chains = draws.reshape(-1, *draws.shape[2:])
     N = chains.shape[1]
-    time = autocorrelation_time(chains[..., np.ptp(chains, axis=(0, 1)) > 0]).max(initial=1.0)
+    ranges = np.ptp(chains, axis=(0, 1))
+    time = autocorrelation_time(chains[..., ranges > 0]).max(initial=1.0)
     return bool(limits.lengths * time <= N and len(chains) * N >= limits.ess * time)
 
 

@@ -150,7 +150,9 @@ def exit_through_rows(y: Array, dy: Array) -> tuple[Array, np.ndarray]:
     """
     if y.shape[1] == 0:
         return np.full(len(y), np.inf), np.zeros(len(y), np.intp)
-    times = np.divide(np.maximum(y, 0.0), -dy, out=np.full_like(y, np.inf), where=dy < 0)
+    room = np.maximum(y, 0.0)
+    never = np.full_like(y, np.inf)
+    times = np.divide(room, -dy, out=never, where=dy < 0)
     row = times.argmin(axis=1)
     return times[np.arange(len(row)), row], row
 
@@ -182,9 +184,12 @@ def _crossings(
     body = body[found]
     D = D[found]
     inner = inner[found]
-    lower = np.linalg.inv(np.linalg.cholesky(J[found] + inner[:, None, None] * D))
+    reached = J[found] + inner[:, None, None] * D
+    lower = np.linalg.inv(np.linalg.cholesky(reached))
     value, vectors = np.linalg.eigh(lower @ D @ lower.transpose(0, 2, 1))
-    return chain, body, inner - 1 / value[:, 0], np.einsum("kji,kj->ki", lower, vectors[:, :, 0])
+    where = inner - 1 / value[:, 0]
+    normals = np.einsum("kji,kj->ki", lower, vectors[:, :, 0])
+    return chain, body, where, normals
 
 
 def _gradient(null: Array) -> Array:
@@ -209,7 +214,9 @@ def positive(J: Array) -> np.ndarray:
     for _ in range(J.shape[-1] - 1):
         column = rest[..., 1:, 0]
         safe = np.where(good, pivot, 1.0)[..., None]
-        rest = rest[..., 1:, 1:] - (column / safe)[..., :, None] * column[..., None, :]
+        lower = rest[..., 1:, 1:]
+        scaled = (column / safe)[..., :, None]
+        rest = lower - scaled * column[..., None, :]
         pivot = rest[..., 0, 0]
         good = good & (pivot > 0)
     return good
@@ -322,7 +329,8 @@ class Flight:
         k = k[~hit & (self.left[k] <= 0)]
         self.kicks[k] -= 1
         self.left[k] = self.gap[k]
-        self._kick(k, self.gap[k] / np.where(self.kicks[k] > 0, 1, 2))
+        halves = np.where(self.kicks[k] > 0, 1, 2)
+        self._kick(k, self.gap[k] / halves)
         return False
 
     def _reflect(self, k: np.ndarray, normal: Array) -> None:
@@ -407,7 +415,9 @@ def _cost(eta: Array, mean: Array, sd: Array, region: Cone) -> tuple[float, Arra
     """Minus the logarithm of density and barrier, its slope, and a root of its bend."""
     value, slope, bend = region.barrier(eta)
     off = (eta - mean) / sd
-    return value + float(off @ off) / 2, slope + off / sd, np.vstack([np.diag(1 / sd), bend])
+    penalty = float(off @ off) / 2
+    bends = np.vstack([np.diag(1 / sd), bend])
+    return value + penalty, slope + off / sd, bends
 
 
 # Exact draws from a posterior: noise variance and parameters in turn, many chains at once.

@@ -78,7 +78,8 @@ class Prior:
             )
         along = np.maximum(second - inertia, THIN * second)
         root = np.sqrt(np.column_stack([along, mass]))
-        size = root[:, [0, 0, 0, 1, 1, 2, 0, 1, 2, 3]] * root[:, [0, 1, 2, 1, 2, 2, 3, 3, 3, 3]]
+        first = root[:, [0, 0, 0, 1, 1, 2, 0, 1, 2, 3]]
+        size = first * root[:, [0, 1, 2, 1, 2, 2, 3, 3, 3, 3]]
         size[:, [0, 3, 5]] = np.maximum(inertia, THIN * second)
         sd[bodies] = relative * size
         return cls(phi, sd)
@@ -248,7 +249,8 @@ class Target:
         """(p, q): ``root rootᵀ`` is the covariance with data and prior, without the region."""
         scaled = self.seen / np.sqrt(self.data.variance * self.iact)
         # inv(I + SᵀS) by QR: its diagonal is never negative, however exact the data are.
-        factor = np.linalg.qr(np.vstack([np.eye(scaled.shape[1]), scaled]), mode="r")
+        rows = np.vstack([np.eye(scaled.shape[1]), scaled])
+        factor = np.linalg.qr(rows, mode="r")
         free = self.proper_prior.sd[:, None] * self.plane[1]
         return free @ np.linalg.inv(factor)
 
@@ -303,16 +305,20 @@ def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
     U, s, Vt = np.linalg.svd(stacked / norms, full_matrices=False)
     null = s <= ROUNDOFF * s[0]
     if null.any():
-        free = np.flatnonzero(flat & (np.abs(Vt[null]).max(axis=0) > NEARLY)).tolist()
+        largest = np.abs(Vt[null]).max(axis=0)
+        free = np.flatnonzero(flat & (largest > NEARLY)).tolist()
         raise ValueError(
             f"posterior: neither the data nor the prior determine the parameters {free}, so it "
             "does not exist; expected a finite prior sd for parameters that the motion does not "
             "excite; state one."
         )
     spread = np.linalg.norm(Vt.T / s, axis=1) / norms
-    best = Vt.T @ ((U.T @ np.concatenate([data.z / data.unit, known * prior.mean])) / s) / norms
+    rows = np.concatenate([data.z / data.unit, known * prior.mean])
+    best = Vt.T @ ((U.T @ rows) / s) / norms
     # A flat prior is a normal this many times wider than the data and other priors.
-    return Prior(np.where(flat, best, prior.mean), np.where(flat, 1e4 * spread, prior.sd))
+    mean = np.where(flat, best, prior.mean)
+    wide = np.where(flat, 1e4 * spread, prior.sd)
+    return Prior(mean, wide)
 
 
 def _numerical_rank(R: Array) -> int:

@@ -101,7 +101,9 @@ def measure_factors(logs: MeasuredLogs) -> Array:
     for k in range(len(factors)):
         # Else the masses of the file do not show.
         if size[k] >= 0.02 * size[units == units[k]].max() > 0:
-            factors[k] = _slope(logs.predicted[:, k], logs.torque[:, k], logs.ordinary(k))
+            predicted = logs.predicted[:, k]
+            torque = logs.torque[:, k]
+            factors[k] = _slope(predicted, torque, logs.ordinary(k))
         if np.isnan(factors[k]) and np.isfinite(logs.stated[:, k]).all():
             factors[k] = _slope(logs.stated[:, k], logs.torque[:, k], offset)
     return factors
@@ -130,7 +132,9 @@ def find_saturation(logs: MeasuredLogs) -> list[Finding]:
     for rows in (log.shown for log in logs.recordings if not of_commands(log)):
         moves = np.append(np.diff(rows.q, axis=0).any(1), True)
         for joint, x in zip(rows.joints, rows.tau[moves].T, strict=True):
-            band = max(0.01 * float(np.ptp(x)), 1.5 * float(smallest_change(x[:, None])[0]))
+            of_range = 0.01 * float(np.ptp(x))
+            of_steps = float(smallest_change(x[:, None])[0])
+            band = max(of_range, 1.5 * of_steps)
             for top in (x.max(), x.min()) if band else ():
                 at = x == top
                 near = np.count_nonzero(np.abs(x - top) <= band)
@@ -230,7 +234,8 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
     surveys = [s.survey for s in logs.samples]
     idle = stands_still(surveys)
     rows = np.sum([s.rows for s in surveys], axis=0)
-    still = [j for j, r, s in zip(logs.joints, rows, idle, strict=True) if not r and s]
+    states = zip(logs.joints, rows, idle, strict=True)
+    still = [j for j, r, s in states if not r and s]
     if not (still and any(s.outputs for s in surveys)):
         return []
     at = dict(zip(logs.robot.joints, np.median(logs.motion.actuated_q, 0), strict=True))
@@ -266,7 +271,9 @@ def find_unheld(logs: MeasuredLogs) -> list[Finding]:
     if held.sum() < max(RULES.fewest, free.sum() / 2):
         return []
     needed = logs.predicted[held, :3]
-    share = float((logs.torque[held, :3] * needed).sum() / (needed**2).sum())
+    work = (logs.torque[held, :3] * needed).sum()
+    needed_work = (needed**2).sum()
+    share = float(work / needed_work)
     if share > 0.5:
         return []
     which = "wrenches" if robot.base.wrenches else "closed" if robot.base.contacts else "nothing"
@@ -347,7 +354,8 @@ def leave_out_rows(
         first = at[found.first[own]] - beside
         last = at[found.last[own] - 1] + beside
         lies_out = ((t >= first) & (t <= last)).any(1)
-        out.append(replace(s, weight=np.where(lies_out[:, None], 0.0, s.weight > 0)))
+        weight = np.where(lies_out[:, None], 0.0, s.weight > 0)
+        out.append(replace(s, weight=weight))
     return tuple(out)
 
 
@@ -355,7 +363,9 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
     """Return the place of the farthest outlier, and its distance from the model."""
     at, worst = divmod(int(found.beyond.argmax()), len(joints))
     log = samples[int(found.log[at])]
-    new = (np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])
+    other_log = np.diff(found.log) != 0
+    behind = found.first[1:] > found.last[:-1]
+    new = other_log | behind
     place = np.cumsum([False, *new])
     own = place == place[at]
     first = found.first[own][0]

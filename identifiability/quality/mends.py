@@ -144,7 +144,8 @@ def find_runs(x: Array) -> list[tuple[int, int]]:
     edges = np.concatenate([[0], changes, [len(x)]])
     lengths = np.diff(edges)
     long = lengths >= RULES.stuck * max(1.0, float(np.median(lengths)))
-    return [(int(a), int(a + n)) for a, n in zip(edges[:-1][long], lengths[long], strict=True)]
+    starts = edges[:-1][long]
+    return [(int(a), int(a + n)) for a, n in zip(starts, lengths[long], strict=True)]
 
 
 # Angles within one turn, and single wrong samples: no check here decides alone which parameters are

@@ -106,9 +106,10 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
     named = [(item, f"log {k + 1}") for k, item in enumerate(given, before)]
     out = [_read_one(item, name, known) for item, name in named]
     count = Counter(log.name for log in out)
+    pairs = zip(out, named, strict=True)
     out = [
         replace(log, name=name) if count[log.name] > 1 and not log.path else log
-        for log, (_, name) in zip(out, named, strict=True)
+        for log, (_, name) in pairs
     ]
     informed = replace(known, codes={**_shared_codes(out), **known.codes})
     for k, (item, name) in enumerate(named):
@@ -204,9 +205,10 @@ def _list_conversions(logs: Sequence[Log]) -> list[Finding]:
 def _with_short_names(logs: list[Log]) -> list[Log]:
     """Return logs, each with the shortest end of its path that no other log has."""
     short = shorten_paths([log.path or log.name for log in logs])
+    pairs = zip(logs, short, strict=True)
     return [  # a name that somebody chose stays
         replace(log, name=name) if [log.name] == shorten_paths([log.path]) else log
-        for log, name in zip(logs, short, strict=True)
+        for log, name in pairs
     ]
 
 

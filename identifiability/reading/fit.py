@@ -249,7 +249,8 @@ class TorqueRows:
     @cached_property
     def longest_delay(self) -> float:
         """The longest delay that is sought [s]: half a block of the shortest log."""
-        logs = [self.excerpt.t[self.excerpt.log == k] for k in np.unique(self.excerpt.log)]
+        numbers = np.unique(self.excerpt.log)
+        logs = [self.excerpt.t[self.excerpt.log == k] for k in numbers]
         return float(min(t[-1] - t[0] for t in logs)) / (2 * BLOCKS)
 
     # The fit of a reading.
@@ -521,9 +522,10 @@ class TorqueRows:
         The payload adds columns of its own, so it may have other masses than the bodies.
         """
         bodies = last_bodies(self.robot)
+        parameters = enumerate(self.structure.parameters)
         places = [
             k
-            for k, p in enumerate(self.structure.parameters)
+            for k, p in parameters
             if p.group == "rigid_body" and p.owner in bodies and p.kind in WEIGHT
         ]
         weight = self.parts[..., 1:] @ self.robot.gravity @ self.structure.G[:, places]
@@ -532,7 +534,8 @@ class TorqueRows:
 
     def with_column(self, columns: Mapping[int, Array]) -> TorqueRows:
         """Return the rows with one column more: the torque (N,) of each joint in which it acts."""
-        parts = np.pad(self.parts, ((0, 0), (0, 0), (0, 1), (0, 0)))
+        widths = ((0, 0), (0, 0), (0, 1), (0, 0))
+        parts = np.pad(self.parts, widths)
         for joint, torque in columns.items():
             parts[:, joint, -1, 0] = torque
         return TorqueRows(self.structure, self.excerpt, parts)
@@ -608,7 +611,8 @@ def solve_nonnegative(gram: Array, cross: Array, nonnegative: Array) -> Array:
     positive = np.zeros(len(signed))
     if len(signed):
         # This block of the factor holds the signed columns after projection on the free columns.
-        positive = scipy.optimize.nnls(np.ascontiguousarray(fit.factor[k:, k:].T), fit.half[k:])[0]
+        matrix = np.ascontiguousarray(fit.factor[k:, k:].T)
+        positive = scipy.optimize.nnls(matrix, fit.half[k:])[0]
     half = fit.half[:k] - fit.factor[k:, :k].T @ positive
     value = np.zeros(len(cross))
     value[signed] = positive

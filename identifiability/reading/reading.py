@@ -95,13 +95,14 @@ class Reading:
     def literal(robot: Robot) -> Reading:
         """Return the reading of the columns as they are named."""
         n = len(robot.joints)
+        compensated = np.zeros(n, bool)
         return Reading(
             description="",
             remedy="",
             order=np.arange(n),
             factor=np.ones(n),
             delay=np.zeros(n),
-            compensated=np.zeros(n, bool),
+            compensated=compensated,
             gravity=robot.gravity,
             motion=np.eye(n),
         )

@@ -440,7 +440,8 @@ def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:
             delays = [np.sign(reading.delay) * step * shift for shift in sorted(shifts)]
             reading = min((replace(reading, delay=delay) for delay in delays), key=misfit)
         sample = np.sign(reading.delay) * step
-        near = [misfit(replace(reading, delay=reading.delay + k * sample)) for k in (-1, 0, 1)]
+        steps = (-1, 0, 1)
+        near = [misfit(replace(reading, delay=reading.delay + k * sample)) for k in steps]
         reading = replace(reading, delay=reading.delay + find_vertex(near) * sample)
     for joint in np.flatnonzero(reading.rescaled).tolist():
         at = np.arange(len(reading.factor)) == joint

@@ -102,9 +102,10 @@ def find_link_side(rows: TorqueRows, literal: Reading) -> Reading | None:
         return None
     link_side = np.isin(np.arange(len(robot.joints)), [drive.joint for drive in behind])
     joints: Strings = tuple(np.array(robot.joints)[link_side].tolist())
+    description = phrase("alternative", "link", joints=joints)
     return replace(
         literal,
-        description=phrase("alternative", "link", joints=joints),
+        description=description,
         remedy=phrase("alternative", "side"),
         link_side=link_side,
         log_odds=verification.gain,

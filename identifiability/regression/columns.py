@@ -173,10 +173,8 @@ def _apart(kinds: Sequence[str]) -> list[tuple[str, ...]]:
 def number(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return candidates whose columns are the first ones, in their order."""
     ends = np.cumsum([len(c.columns) for c in candidates]).tolist()
-    return [
-        replace(c, columns=tuple(range(end - len(c.columns), end)))
-        for c, end in zip(candidates, ends, strict=True)
-    ]
+    pairs = zip(candidates, ends, strict=True)
+    return [replace(c, columns=tuple(range(end - len(c.columns), end))) for c, end in pairs]
 
 
 def compute_entries(
@@ -206,9 +204,10 @@ def compute_entries(
         start, stop = np.searchsorted(seen, [first, outputs]).tolist()
         chosen = seen[start:stop] - first
         for effect, width, columns in layout:
+            entries_of = list_entries(effect, robot, piece.motion, width)
             found = [
                 (joint, column, torque)
-                for joint, k, torque in list_entries(effect, robot, piece.motion, width)
+                for joint, k, torque in entries_of
                 for column in columns.get(k, ())
             ]
             if not found:

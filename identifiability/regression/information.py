@@ -114,7 +114,8 @@ class ActuatorBlocks:
             out = []
             for weights in members:
                 own = weights > 0
-                Z = (np.sqrt(weights[own])[:, None, None] * self.blocks[own]).reshape(-1, r)
+                roots = np.sqrt(weights[own])[:, None, None]
+                Z = (roots * self.blocks[own]).reshape(-1, r)
                 out.append(Z.T @ Z)
             return factor_each(np.array(out))
 
@@ -281,7 +282,8 @@ class Information:
         wide = np.concatenate([*([] if instruments is None else [instruments]), W], axis=2)
         first = np.unique(log, return_index=True)[1]
         ends = [*first[1:], len(log)]
-        at = [s for a, b in zip(first, ends, strict=True) for s in range(a, b, size)]
+        spans = zip(first, ends, strict=True)
+        at = [s for a, b in spans for s in range(a, b, size)]
         counts = np.diff([*at, len(log)])
         seen = [np.flatnonzero(own) for own in np.asarray(wide.any(0))]
         blocks = _Blocks(len(at), int(counts.max()), seen)
@@ -412,7 +414,8 @@ class Information:
         """
         every = self.of_actuators(np.eye(self.size + 1))
         rows = (part.blocks @ (change @ basis.T)[..., None] for part, basis in every)
-        return np.stack([np.square(Z).sum((-2, -1)) for Z in rows], -1)
+        squares = [np.square(Z).sum((-2, -1)) for Z in rows]
+        return np.stack(squares, -1)
 
     def products(self, weights: Array, left: Array, right: Array) -> Array:
         """Return ``([W τ] left)ᵀ ([W τ] right)`` of each block, actuators weighted, (B, p, q).
@@ -424,13 +427,16 @@ class Information:
         """
         out = np.zeros((len(self.counts), left.shape[1], right.shape[1]))
         p = left.shape[1]
-        both = zip(np.sqrt(weights), self.of_actuators(np.hstack([left, right])), strict=True)
+        both_sides = np.hstack([left, right])
+        both = zip(np.sqrt(weights), self.of_actuators(both_sides), strict=True)
         turned = [(part, weight * turn) for weight, (part, turn) in both]
         # Rows of all actuators side by side: one product a block, and not one for each.
         own = sum(part.blocks[:1].nbytes for part in self.parts)
         for at in few_at_once(len(out), 2 * (out[:1].nbytes + own)):
             Z = np.concatenate([part.blocks[at] @ turn for part, turn in turned], axis=1)
-            out[at] = Z[:, :, :p].transpose(0, 2, 1) @ Z[:, :, p:]
+            lefts = Z[:, :, :p]
+            rights = Z[:, :, p:]
+            out[at] = lefts.transpose(0, 2, 1) @ rights
         return out
 
     def factor(self, weights: Array | None = None) -> Array:
@@ -440,12 +446,12 @@ class Information:
 
     def _factor(self, weights: Array) -> Array:
         """Return a factor of weighted rows and the prior."""
-        every = zip(np.sqrt(weights), self.of_actuators(np.eye(self.size + 1)), strict=True)
+        unit = np.eye(self.size + 1)
+        every = zip(np.sqrt(weights), self.of_actuators(unit), strict=True)
         rows = [w * part.root @ turned for w, (part, turned) in every]
         known = np.zeros((0, self.size + 1)) if self.prior is None else self.prior
-        return triangular_factor(
-            np.vstack([*rows, known, np.zeros((self.size + 1, self.size + 1))])
-        )
+        none = np.zeros((self.size + 1, self.size + 1))
+        return triangular_factor(np.vstack([*rows, known, none]))
 
     @cached_property
     def _seen(self) -> list[tuple[ActuatorBlocks, Array, np.ndarray]]:
@@ -488,7 +494,8 @@ class Information:
         """
         k, m = M.shape
         moved = np.zeros((k, 1)) if held is None else -held[:, None]
-        own = np.block([[M, moved], [np.zeros((1, m)), np.ones((1, 1))]])
+        last = [np.zeros((1, m)), np.ones((1, 1))]
+        own = np.block([[M, moved], last])
         map_ = block_diag(M, own) if self.instrumented else own
         parts = tuple(part.reduce(map_) for part in self.parts)
         prior = None if self.prior is None else self.prior @ own
@@ -574,10 +581,12 @@ def gather_information(
     names = tuple(p.name for p in regression.parameters)
     acts = _acting(regression)
     # Fits hold a block's equations of all columns in some four copies.
-    room = LARGEST // (8 * max(int(((acts.sum(1) + 1) ** 2).sum()), 4 * len(names) ** 2))
+    widths = acts.sum(1) + 1
+    room = LARGEST // (8 * max(int((widths**2).sum()), 4 * len(names) ** 2))
     size = max(1, -(-regression.outputs // min(blocks, max(room, FEWEST))))
     edges = [_block_edges(samples, size) for samples in regression.samples]
-    ends = [np.diff([*own, s.outputs]) for own, s in zip(edges, regression.samples, strict=True)]
+    pairs = zip(edges, regression.samples, strict=True)
+    ends = [np.diff([*own, s.outputs]) for own, s in pairs]
     counts = np.concatenate(ends)
     log = np.repeat(np.arange(len(edges)), list(map(len, edges)))
     longest = int(counts.max())

@@ -470,14 +470,16 @@ def model_entry(submodel: Submodel, structure: Structure) -> ModelEntry:
         for i, c in enumerate(submodel.columns)
     }
     gone = [k for k in range(len(base)) if not submodel.M[k].any()]
+    zero = [names[k] for k in gone if submodel.fixed[k] == 0]
+    tie = {c: m for c, m in members.items() if m != [c]}
     return ModelEntry(
         name=submodel.name,
         description=submodel.description,
         effects=list(model.texts),
         random=dict(model.random),
-        zero=[names[k] for k in gone if submodel.fixed[k] == 0],
+        zero=zero,
         hold={names[k]: float(submodel.fixed[k]) for k in gone if submodel.fixed[k] != 0},
-        tie={c: m for c, m in members.items() if m != [c]},
+        tie=tie,
     )
 
 
@@ -520,7 +522,9 @@ def leave_to_terms(structure: Structure, R: Array, phi: Array) -> Array:
     for own, terms, P in _contained(structure, R):
         least = np.where(structure.nonnegative[terms], -out[terms], -np.inf)
         length = np.linalg.norm(R[:, terms], axis=0)
-        free = np.linalg.lstsq(R[:, terms] / length, R[:, own] @ out[own], rcond=None)[0]
+        unit = R[:, terms] / length
+        moved = R[:, own] @ out[own]
+        free = np.linalg.lstsq(unit, moved, rcond=None)[0]
         share = np.maximum(free / length, least)
         out[own] -= P @ share
         out[terms] += share
@@ -541,7 +545,8 @@ def _contained(structure: Structure, R: Array) -> Iterator[tuple[np.ndarray, np.
         terms = np.flatnonzero(here & ~flexible & (length > 0))
         acts = length[own] > 0
         P = np.zeros((len(own), len(terms)))
-        P[acts] = np.linalg.lstsq(unit[:, own[acts]], unit[:, terms], rcond=1e-12)[0]
+        own_unit = unit[:, own[acts]]
+        P[acts] = np.linalg.lstsq(own_unit, unit[:, terms], rcond=1e-12)[0]
         inside = np.linalg.norm(unit[:, own] @ P - unit[:, terms], axis=0) < ROUNDOFF
         P[acts] *= length[terms] / length[own[acts], None]
         yield own, terms[inside], P[:, inside]

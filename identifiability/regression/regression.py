@@ -173,7 +173,8 @@ def _read_effect(name: str, written: Iterable[str]) -> Effect:
                 f"'{text}': the shape of {name} is {effect.shape_size} numbers, and {given} stand "
                 "behind the ':'."
             )
-        kinds = tuple(filter(None, text.partition("@")[0].partition(".")[2].split("+")))
+        before = text.partition("@")[0]
+        kinds = tuple(filter(None, before.partition(".")[2].split("+")))
         parts += [Part(family.at(shape, place), place, kinds) for place in places.split("+")]
     return Placed(parts, tuple(written))
 
@@ -226,7 +227,8 @@ def choose_windows(
         # Each window lies this share of the rest of its part later than the one before, or as much
         # earlier as it would leave the part: no period of a motion is met at the same phase each
         # time.
-        starts = (k * part + (((5**0.5 - 1) / 2) * k) % 1.0 * (part - own)).astype(int)
+        turns = (((5**0.5 - 1) / 2) * k) % 1.0
+        starts = (k * part + turns * (part - own)).astype(int)
         out.append(np.stack([starts, starts + own], 1))
     return tuple(out)
 
@@ -294,7 +296,8 @@ class Chunk:
         """Return copies of its rows that lie in windows of the log, (w, 2), a chunk for each."""
         found = []
         for _, rows in inside(windows, self.start, self.start + len(self.t)):
-            arrays = ((k, v) for k, v in vars(self).items() if isinstance(v, np.ndarray))
+            values = vars(self).items()
+            arrays = ((k, v) for k, v in values if isinstance(v, np.ndarray))
             own: dict[str, Any] = {k: v[rows].copy() for k, v in arrays}
             found.append(replace(self, start=self.start + rows.start, **own))
         return found

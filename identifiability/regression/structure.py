@@ -191,9 +191,8 @@ def group_columns(
         G[:, kept] = np.eye(len(kept))
         G[:, ~used] = 0.0
         G[np.abs(solved) < SPAN_TOLERANCE] = 0.0
-    return BaseParameters(
-        tuple(parameters), np.array(kept, int), G, s, rank != len(kept), tuple(preference)
-    )
+    indices = np.array(kept, int)
+    return BaseParameters(tuple(parameters), indices, G, s, rank != len(kept), tuple(preference))
 
 
 def random_motion(robot: Robot, rng: np.random.Generator, count: int = 400) -> Motion:
@@ -337,7 +336,8 @@ class Structure:
     def known(self) -> Array:
         """Rows of the prior on the model's random parameters, for the base parameters, (d, b)."""
         random = self.model.random
-        return known_rows(self.G, np.array([random.get(p.name, p.sd) for p in self.parameters]))
+        sds = [random.get(p.name, p.sd) for p in self.parameters]
+        return known_rows(self.G, np.array(sds))
 
     @cached_property
     def shapes(self) -> dict[str, float]:

@@ -82,15 +82,18 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
 
 def analysis_sections(analysis: Analysis) -> list[Section | None]:
     """Return the sections of the page."""
+    correlated = None if analysis.nothing else section_correlated(analysis.fit)
+    profiles = section_profiles(analysis) if analysis.profiles else None
+    posterior = None if analysis.belief is None else section_posterior(analysis)
     return [
         section_values(analysis),
         section_prediction(analysis),
         section_parameters(analysis),
         section_ladder(analysis),
-        None if analysis.nothing else section_correlated(analysis.fit),
+        correlated,
         section_physics(analysis),
-        section_profiles(analysis) if analysis.profiles else None,
-        None if analysis.belief is None else section_posterior(analysis),
+        profiles,
+        posterior,
         *_how(analysis),
     ]
 
@@ -119,11 +122,13 @@ def section_parameters(analysis: Analysis) -> Section:
     figure = picture("precision", plot.precision(analysis), model=chosen.name)
     tables = fold_verdicts(parameter_table(chosen), chosen.verdicts)
     described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
+    known = Fold("How well each of them is known", (figure,))
+    from_file = Fold("Which numbers of the robot file may I believe?", (file_table(analysis),))
     return section(
         "analysis.parameters",
         *tables,
-        Fold("How well each of them is known", (figure,)),
-        Fold("Which numbers of the robot file may I believe?", (file_table(analysis),)),
+        known,
+        from_file,
         _name_key(analysis),
         title=model_title(chosen),
         size=len(chosen.submodel),
@@ -191,16 +196,17 @@ def section_prediction(analysis: Analysis) -> Section:
     t = out.t[0]
     loaded = loaded_joints(out.rms)
     measured, predicted = (x[:, loaded] for x in drawn_torque(out))
+    traces = torque_traces(
+        t,
+        measured,
+        predicted,
+        [robot.joints[k] for k in loaded],
+        [robot.torque_units[k] for k in loaded],
+        name,
+    )
     return section(
         "analysis.prediction",
-        torque_traces(
-            t,
-            measured,
-            predicted,
-            [robot.joints[k] for k in loaded],
-            [robot.torque_units[k] for k in loaded],
-            name,
-        ),
+        traces,
         *error_tables(analysis),
         log=name,
         model=model_title(analysis.chosen),
@@ -291,10 +297,12 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
     rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
     rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in logs]
     glossary = Fold("Glossary", (Terms(GLOSSARY),))
+    prepared = make_table("prepared", [_log_row(use, s) for use, s in logs])
+    provenance = section("analysis.provenance", make_table("provenance", rows), detail=True)
     return (
         section(
             "analysis.motion",
-            make_table("prepared", [_log_row(use, s) for use, s in logs]),
+            prepared,
             detail=True,
             seen=analysis.information.samples,
             estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
@@ -302,7 +310,7 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
             kind=analysis.validation_kind,
         ),
         section("analysis.thresholds", glossary, detail=True),
-        section("analysis.provenance", make_table("provenance", rows), detail=True),
+        provenance,
     )
 
 
@@ -320,9 +328,10 @@ def _log_row(use: str, log: Dataset) -> tuple[str | int, ...]:
 def section_posterior(analysis: Analysis) -> Section:
     """Return the parameters of the selected model by every method, side by side."""
     notes = posterior_notes(analysis)
+    remarks = Notes(notes) if notes else None
     return section(
         "analysis.posterior",
-        Notes(notes) if notes else None,
+        remarks,
         posterior_table(analysis),
         detail=True,
         title=model_title(analysis.chosen),

@@ -248,9 +248,11 @@ class Moving:
             return []
         (low, high) = self.range
         paths = []
-        x = PLOT[0] / (self.t[-1] - self.t[0]) * np.array(self.torque.t)
+        scale = PLOT[0] / (self.t[-1] - self.t[0])
+        x = scale * np.array(self.torque.t)
         for (name, y), tone in zip(self.torque.lines.items(), PLOT_TONES, strict=False):
-            places = np.stack([x, PLOT[1] * (high - np.array(y)) / (high - low or 1.0)], 1)
+            heights = PLOT[1] * (high - np.array(y))
+            places = np.stack([x, heights / (high - low or 1.0)], 1)
             seen = np.isfinite(places).all(1)
             begins = seen & ~np.append(False, seen[:-1])
             steps = zip(
@@ -441,8 +443,9 @@ def section(
     A text becomes a paragraph, None is left out.
     """
     kept = tuple(Prose((b,)) if isinstance(b, str) else b for b in blocks if b is not None)
+    key = name.rpartition(".")[2]
     return Section(
-        name.rpartition(".")[2],
+        key,
         **words(name, **holes),
         blocks=kept,
         detail=detail,

@@ -139,9 +139,11 @@ def label_width(names: Sequence[str]) -> float:
 
 def strokes(axes: Axes, starts: Array, ends: Array, colour: str, **style: Any) -> None:
     """Draw straight strokes between points (N, 2) as one path, so that many are fast."""
+    ends_each = np.stack([starts, ends], 1)
+    codes = np.tile([Outline.MOVETO, Outline.LINETO], len(starts))
     path = Outline(
-        np.stack([starts, ends], 1).reshape(-1, 2),
-        np.tile([Outline.MOVETO, Outline.LINETO], len(starts)),
+        ends_each.reshape(-1, 2),
+        codes,
     )
     path.should_simplify = False  # else strokes without length are dropped
     axes.add_patch(
@@ -234,7 +236,8 @@ def svg(figure: Figure, alt: str = "") -> Markup:
             metadata=nothing,
         )
     text = stream.getvalue()
-    body = text[text.index(">", text.index("<svg")) + 1 :].replace("</svg>", "").strip()
+    opened = text.index(">", text.index("<svg")) + 1
+    body = text[opened:].replace("</svg>", "").strip()
     body = re.sub(r"<style.*?</style>", "", body, flags=re.DOTALL)
     key = hashlib.sha256(body.encode()).hexdigest()[:8]
     classes: dict[str, str] = {}
@@ -436,10 +439,11 @@ def draw_torque(
         Points a line keeps.
     width : int [px]
     """
+    margins = (60, 10, 50, 38)
     figure, (above, below) = canvas(
         width,
         330,
-        (60, 10, 50, 38),
+        margins,
         (2.2, 1),
     )
     plot_line(
@@ -487,7 +491,8 @@ def draw_torque(
 
 def spread_rows(count: int, most: int) -> np.ndarray:
     """Return at most a given number of the rows 0 … count - 1, evenly spread."""
-    return np.unique(np.linspace(0, max(count - 1, 0), min(most, count)).astype(int))
+    places = np.linspace(0, max(count - 1, 0), min(most, count))
+    return np.unique(places.astype(int))
 
 
 @drawn
@@ -770,10 +775,12 @@ def draw_precision(
         start, end = (
             np.clip(np.nan_to_num(x[order[rows]], nan=np.inf), low, high) for x in (white, label)
         )
+        starts = np.stack([start, rows], 1)
+        ends = np.stack([end, rows], 1)
         strokes(
             axes,
-            np.stack([start, rows], 1),
-            np.stack([end, rows], 1),
+            starts,
+            ends,
             colour,
             linewidth=1.2,
         )

@@ -100,12 +100,14 @@ def calibration_sections(calibration: Calibration) -> list[Section]:
     (every,) = calibration.tables()
     worst = [k < SHOWN_FIRST for k in range(len(every.rows))]
     how = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
+    parameters = section(
+        "calibration.parameters",
+        *fold_rows(every, worst, "parameters whose intervals hold the truth least often"),
+    )
+    texts = tuple(words("calibration.how", **how).values())
     return [
-        section(
-            "calibration.parameters",
-            *fold_rows(every, worst, "parameters whose intervals hold the truth least often"),
-        ),
-        section("calibration.method", Prose(tuple(words("calibration.how", **how).values()))),
+        parameters,
+        section("calibration.method", Prose(texts)),
     ]
 
 
@@ -169,7 +171,8 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
     gap = d.gap
     own = gap.log == 0
     torque = np.where(gap.data, gap.tau, np.nan)[own]
-    before, after = np.where(gap.data[:, :, None], gap.residual, np.nan)[own][:, :, [0, -1]].T
+    residual = np.where(gap.data[:, :, None], gap.residual, np.nan)[own]
+    before, after = residual[:, :, [0, -1]].T
     lines = {"residual before": before.T, "after": after.T}
     t = gap.t[0]
     return move_with_torque(d.robot, sample.motion, t, torque, lines, sample.name, before.T)
@@ -182,11 +185,13 @@ def diagnosis_below(d: Diagnosis) -> Picture | None:
 
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
     """Return the sections of the page."""
+    forward = None if d.forward is None else section_forward(d.forward, d.robot.joints)
+    bending = None if d.bending is None or not d.bending.joints else _section_bending(d.bending)
     return [
         section_effects(d),
         _section_gap(d),
-        None if d.forward is None else section_forward(d.forward, d.robot.joints),
-        None if d.bending is None or not d.bending.joints else _section_bending(d.bending),
+        forward,
+        bending,
         _section_where(d),
         *_sections_method(d),
     ]
@@ -252,16 +257,20 @@ def _section_gap(d: Diagnosis) -> Section:
     part = np.flatnonzero(d.gap.log == 0)[t <= t[0] + STRETCH]
     named = {c.joint for c in d.curves}
     order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
-    before, after = d.gap.residual[part][:, order][..., [0, -1]].transpose(
+    first_and_last = d.gap.residual[part][:, order][..., [0, -1]]
+    before, after = first_and_last.transpose(
         2,
         0,
         1,
     )
+    joints = [d.robot.joints[k] for k in order]
+    units = [d.robot.torque_units[k] for k in order]
+    lines = {"before": before, "after": after}
     shown = traces(
         t[: len(part)],
-        [d.robot.joints[k] for k in order],
-        [d.robot.torque_units[k] for k in order],
-        {"before": before, "after": after},
+        joints,
+        units,
+        lines,
         "residual",
         sentence("diagnosis.traces", seconds=f"{STRETCH:g}"),
     )
@@ -278,10 +287,12 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
         gap.before.mean(2),
         gap.after.mean(2),
     )
+    before = gap.before[:, -1].mean(0)
+    after = gap.after[:, -1].mean(0)
     rows = zip(
         joints,
-        gap.before[:, -1].mean(0),
-        gap.after[:, -1].mean(0),
+        before,
+        after,
         strict=True,
     )
     table = make_table("forward", rows)
@@ -326,9 +337,11 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
         for (title, reason), places in why.items()
     )
     told = Prose((sentence("diagnosis.roles", verified=d.verified_on),))
+    evidence = section("diagnosis.evidence", table, detail=True)
+    reasons = Terms(refused) if refused else "Every family was asked."
     return (
-        section("diagnosis.evidence", table, detail=True),
-        section("diagnosis.refusals", Terms(refused) if refused else "Every family was asked."),
+        evidence,
+        section("diagnosis.refusals", reasons),
         section("diagnosis.method", told, detail=True),
     )
 
@@ -378,17 +391,21 @@ def excitation_sections(result: Excitation) -> list[Section]:
     """Return the sections of the page: the motion, its information, and the method."""
     path = result.trajectory
     logs = ", ".join(shorten_paths(result.logs))
+    effects = ", ".join(result.effects)
+    measured = sentence("excitation.measured", logs=logs) if logs else ""
     text = words(
         "excitation.how",
         harmonics=path.harmonics,
         motions=result.evaluations,
         seed=result.seed,
-        effects=", ".join(result.effects),
-        measured=sentence("excitation.measured", logs=logs) if logs else "",
+        effects=effects,
+        measured=measured,
     )
+    motion = section("excitation.motion", *_motion(result), result.tables()[0])
+    method = Prose(tuple(text.values()))
     return [
-        section("excitation.motion", *_motion(result), result.tables()[0]),
-        section("excitation.method", Prose(tuple(text.values()))),
+        motion,
+        section("excitation.method", method),
     ]
 
 
@@ -448,17 +465,20 @@ def inspection_sections(result: Inspection) -> list[Section]:
     first, *others = [_recorded(result, r) for r in result.records]
     names = [record.name for record in result.records[1:]]
     clock, motion = result.tables()
+    same = (Fold(f"The same of {name}", g) for name, g in zip(names, others, strict=True))
+    traces = section(
+        "inspection.traces",
+        *first,
+        *same,
+    )
+    parts_of = (Fold(part.title, (Prose((part.lead,)), *part.blocks)) for part in own)
     return [
         section("inspection.motion", motion),
-        section(
-            "inspection.traces",
-            *first,
-            *(Fold(f"The same of {name}", g) for name, g in zip(names, others, strict=True)),
-        ),
+        traces,
         section("inspection.clock", clock, *map(_preparation, result.records)),
         section(
             "inspection.robot",
-            *(Fold(part.title, (Prose((part.lead,)), *part.blocks)) for part in own),
+            *parts_of,
         ),
     ]
 
@@ -471,9 +491,12 @@ def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
     # Nobody measures position and force of a base that floats.
     at = [k for k, joint in enumerate(rows) if joint.joint in robot.motor_joints]
     names = [str(rows[k].joint) for k in at]
+    positions = ("position", record.q, [str(rows[k].unit) for k in at], robot.limits[at])
+    torque_units = [str(rows[k].torque_unit) for k in at]
+    torques = ("torque", record.tau, torque_units, None)
     shown = (
-        ("position", record.q, [str(rows[k].unit) for k in at], robot.limits[at]),
-        ("torque", record.tau, [str(rows[k].torque_unit) for k in at], None),
+        positions,
+        torques,
     )
     return tuple(
         motion_traces(name, t, values[:, at], names, units, limits)
@@ -503,16 +526,19 @@ def _robot(result: Inspection) -> list[Section]:
     beside = sentence("inspection.motors", motors=motors) if motors else None
     base = result.base
     groups = zip(base.names, base.units, base.labels, strict=True)
+    joint_section = section("inspection.joints", phrase("needs", "naming"), joints)
+    grouped = (make_table("grouped", groups),)
+    parameters = section(
+        "inspection.parameters",
+        Fold(f"All {base.rank} base parameters", grouped),
+        count=base.rank,
+        standard=len(base.parameters),
+        effects=", ".join(result.effects),
+    )
     found = [
-        section("inspection.joints", phrase("needs", "naming"), joints),
+        joint_section,
         section("inspection.columns", beside),
-        section(
-            "inspection.parameters",
-            Fold(f"All {base.rank} base parameters", (make_table("grouped", groups),)),
-            count=base.rank,
-            standard=len(base.parameters),
-            effects=", ".join(result.effects),
-        ),
+        parameters,
     ]
     if result.needs:
         rows = [(need.text, need.line.replace("\n", "  ") or NONE) for need in result.needs]
@@ -564,9 +590,11 @@ def payload_sections(result: Load) -> list[Section | None]:
     """Return the sections of the page: gains, or quantities and how."""
     if result.gains:
         return [section("payload.gains", *result.tables())]
+    quantities = section("payload.quantities", result.tables()[0], body=result.body)
+    method = section("payload.method", sentence("payload.how", "plain", body=result.body))
     return [
-        section("payload.quantities", result.tables()[0], body=result.body),
-        section("payload.method", sentence("payload.how", "plain", body=result.body)),
+        quantities,
+        method,
     ]
 
 
@@ -639,9 +667,10 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
     ]
 
     def told(rows: np.ndarray) -> list[list[str]]:
+        pairs = zip(result.runs, errors, strict=True)
         return [
             ["diverged" if np.isnan(x) else f"{run.name} {x:.3g} {result.unit}" for x in own[rows]]
-            for run, own in zip(result.runs, errors, strict=True)
+            for run, own in pairs
         ]
 
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
@@ -661,10 +690,11 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
     if moving is None:
         return None
     lines = {name: q[:, worst] for name, (_, q) in motions.items()}
+    times = log.t - log.t[0]
     below = Trace.of(
         for_svg(joint),
         unit,
-        log.t - log.t[0],
+        times,
         lines,
         POINTS,
         "position",

@@ -212,18 +212,21 @@ def build_page(result: Result) -> Page:
     sections = [*filter(None, _of_page(result, "sections", tables)), *done]
     # The values that a reader came for are on the first screen.
     values = [part for part in sections[:1] if set(map(kind_of, part.blocks)) <= {"table", "fold"}]
+    statement = "" if shown.answers else result.statement
+    remarks = [Notes(notes)] if notes else []
+    others = tuple(sections[len(values) :])
     return Page(
         title=title,
         kind=result.schema,
         overline=overline,
         subtitle=subtitle,
-        statement="" if shown.answers else result.statement,
+        statement=statement,
         summary=(
             shown,
-            *([Notes(notes)] if notes else []),
+            *remarks,
             *values,
         ),
-        sections=tuple(sections[len(values) :]),
+        sections=others,
     )
 
 
@@ -309,13 +312,15 @@ def notebook_piece(
     rest = 0 if frame is None else max(len(frame) - SHOWN, 0)
     own = [] if frame is None or frame.empty else [frame_table(frame[:SHOWN])]
     said = f"{rest} more rows: {more}" if rest and more else f"{rest} more rows" if rest else ""
+    lines = [line for line in statement.splitlines() if line.strip()]
+    brief = (table.brief(SHOWN) for table in tables)
     piece = (
         page_environment()
         .from_string(_PIECE)
         .render(
             answers=answers,
-            lines=[line for line in statement.splitlines() if line.strip()],
-            tables=[*(table.brief(SHOWN) for table in tables), *own],
+            lines=lines,
+            tables=[*brief, *own],
             rest=said,
             style=Markup(_style()),
         )

@@ -116,7 +116,8 @@ def _trace(robot: Robot, poses: Array, load: Point | None = None) -> _Parts:
         parts.connect(roots, "base", 1.2 * width)
         middle = np.mean([parts.points[k][0] for k in roots], axis=0)
         up = _directions(robot)[2]
-        stand = [parts.add(x[:, None]) for x in (middle, middle - up * (middle @ up))]
+        foot = middle - up * (middle @ up)
+        stand = [parts.add(x[:, None]) for x in (middle, foot)]
         parts.connect(stand, "base", 1.6 * width)
     return parts
 
@@ -198,10 +199,12 @@ def move_skeletons(
     if not np.nanmax(np.ptp(seen, axis=0)) > 0:
         return None
     place, scale = _look(seen, robot)
+    names = tuple((name, tone) for name, (tone, _) in motions.items())
+    points = tuple(place(x.reshape(-1, 3)).reshape(x.shape) for x in traced)
     return Moving(
-        names=tuple((name, tone) for name, (tone, _) in motions.items()),
+        names=names,
         t=t[rows] - t[0],
-        points=tuple(place(x.reshape(-1, 3)).reshape(x.shape) for x in traced),
+        points=points,
         shapes=tuple(replace(shape, width=scale * shape.width) for shape in parts.shapes),
         tips=tuple(parts.tips),
         ground=_ground(seen, robot, place),
@@ -221,7 +224,8 @@ def _frames(t: Array) -> np.ndarray:
             MOST_FRAMES,
         )
     )
-    return np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], frames)).clip(0, len(t) - 1))
+    times = np.linspace(t[0], t[-1], frames)
+    return np.unique(np.searchsorted(t, times).clip(0, len(t) - 1))
 
 
 def move_with_torque(
@@ -284,22 +288,24 @@ def move_with_torque(
     caption = sentence("moving", how, log=log, joint=name)
     if any(np.isnan(y).any() for y in own.values()):
         caption += sentence("moving", "gaps")
+    measured = ("grey", motion.q[rows])
     moving = move_skeletons(
         robot,
         t[:end],
-        {"measured": ("grey", motion.q[rows])},
+        {"measured": measured},
         lambda at: [] if residual is None else [[missed[k] for k in at]],
         caption,
         load,
     )
     if moving is None:
         return None
+    times = t[:end] - t[0]
     moving = replace(
         moving,
         torque=Trace.of(
             for_svg(name),
             unit,
-            t[:end] - t[0],
+            times,
             own,
             POINTS,
         ),
@@ -338,8 +344,12 @@ def _ground(points: Array, robot: Robot, place: Callable[[Array], Array]) -> tup
     size = max(float(np.nanmax(np.ptp(points, axis=0))), TINY)
     steps = np.linspace(-size, size, 13)
     edge = np.full_like(steps, size)
-    starts = np.concatenate([np.stack([steps, -edge], 1), np.stack([-edge, steps], 1)]) + middle
-    ends = np.concatenate([np.stack([steps, edge], 1), np.stack([edge, steps], 1)]) + middle
+    rows = np.stack([steps, -edge], 1)
+    columns = np.stack([-edge, steps], 1)
+    starts = np.concatenate([rows, columns]) + middle
+    row_ends = np.stack([steps, edge], 1)
+    column_ends = np.stack([edge, steps], 1)
+    ends = np.concatenate([row_ends, column_ends]) + middle
     plane = np.stack([east, north])
     first, last = (place(x @ plane + height * up)[:, :2] for x in (starts, ends))
     return tuple(filter(len, map(_clip, first, last)))

@@ -302,7 +302,8 @@ def read_bounds(path: Path, extra: Sidecar, bodies: Strings, stated: Stated) -> 
     if total is None:
         return tuple(bounds)
     masses = {body: entry.mass or (0.0, np.inf) for body, entry in known.items()}
-    least, most = np.sum([masses.get(body, (0.0, np.inf)) for body in bodies], axis=0)
+    ranges = [masses.get(body, (0.0, np.inf)) for body in bodies]
+    least, most = np.sum(ranges, axis=0)
     low, high = total
     if least >= high or most <= low:
         raise RobotError(
@@ -385,7 +386,8 @@ def _state_home(robot: Description, extra: Sidecar) -> Array:
     for name, value in extra.home.items():
         home[single[name].iq] = value
     for c in robot.couplings * len(passive):  # each may follow another
-        at = {j: float(robot.dof_position(home[None], j)[0]) for j in (c.joint, *c.terms)}
+        chain = (c.joint, *c.terms)
+        at = {j: float(robot.dof_position(home[None], j)[0]) for j in chain}
         value = c.held(at).constant
         if c.joint in passive and abs(value) < ENDLESS:
             home[single[c.joint].iq] = value
@@ -493,27 +495,33 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     lines = (*motors, *stated.combinations)
     extra = expand_names(path, extra, bodies, dofs, lines, stated.locked, stated.welded)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
+    title = extra.name or stated.model.name or name
+    scales = _scales(path, extra, owners)
+    bounds = read_bounds(path, extra, bodies, stated)
+    base = _read_base(path, extra, stated, bodies)
     said = {
         "name": name,
-        "title": extra.name or stated.model.name or name,
+        "title": title,
         "path": path,
         "sidecar": sidecar,
         "bodies": bodies,
-        "scales": _scales(path, extra, owners),
-        "bounds": read_bounds(path, extra, bodies, stated),
-        "base": _read_base(path, extra, stated, bodies),
+        "scales": scales,
+        "bounds": bounds,
+        "base": base,
     }
     parts = vars(stated) | said | _state_sidecar(extra) | _state_motion(path, extra, stated)
     robot = choose_joints(Description(**parts), extra, stated)
     _check_torque(robot, motors)
     limits = {joint: extra.limits.get(joint, LimitEntry()) for joint in robot.joints}
     fastest = [x.v or robot.speeds.get(joint, np.inf) for joint, x in limits.items()]
+    position_ranges = position_limits(robot, robot.joints, extra.limits)
+    accelerations = np.array([limit.a or np.inf for limit in limits.values()])
     robot = replace(
         robot,
         nominal=_nominal(robot, extra),
-        limits=position_limits(robot, robot.joints, extra.limits),
+        limits=position_ranges,
         speed_limits=np.array(fastest),
-        acceleration_limits=np.array([limit.a or np.inf for limit in limits.values()]),
+        acceleration_limits=accelerations,
         transmission=_transmission(robot, extra),
     )
     if robot.motor_joints:  # a single body has none
@@ -530,16 +538,19 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
 
 def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
     """Return the fields of a `Description` that a sidecar states."""
+    prior = {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()}
+    ties = tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry)
+    columns = Renames.of(renaming(extra.columns))
     return {
         "said": extra,
         "symbols": dict(extra.symbols),
         "guessed": tuple(extra.guessed),
         "inertia_parts": tuple(extra.inertia_parts),
-        "prior": {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
-        "ties": tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
+        "prior": prior,
+        "ties": ties,
         "shapes": extra.shapes,
         "reference": extra.reference,
-        "columns": Renames.of(renaming(extra.columns)),
+        "columns": columns,
         "time_unit": extra.time.unit or "",
         "known_torque": tuple(extra.known_torque),
         "angles": extra.angles,
@@ -552,11 +563,14 @@ def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
     spans = stated.spans.items()
+    loops_kept = tuple(x for x in loops if x.first.joint != x.second.joint)
+    spans_kept = {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS}
+    speeds = {n: x for n, x in stated.speeds.items() if 0 < x < ENDLESS}
     return {
-        "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
+        "loops": loops_kept,  # else locked
         "rest": {**stated.rests, **extra.rest},
-        "spans": {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS},
-        "speeds": {n: x for n, x in stated.speeds.items() if 0 < x < ENDLESS},
+        "spans": spans_kept,
+        "speeds": speeds,
         "tendons": tuple(name for name in stated.combinations if name in stated.numbers),
         "torque": _measured_torque(extra, stated),
     }
@@ -608,7 +622,8 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: Strings) -> B
         frame = _find_frame(path, "wrench", wrench.frame, (0, 0, 0), stated)
         wrenches.append(Wrench(wrench.frame, *frame, tuple(wrench.columns)))
     R = pin.rpy.rpyToMatrix(np.array(imu.rotation, float)).T
-    place, acc, gyro = (np.array(x, float) for x in (imu.place, imu.acc_bias, imu.gyro_bias))
+    parts = (imu.place, imu.acc_bias, imu.gyro_bias)
+    place, acc, gyro = (np.array(x, float) for x in parts)
     mount = Imu(R, place, acc, gyro, tuple(dict.fromkeys(imu.fit)))
     own = {"contacts": tuple(contacts), "wrenches": tuple(wrenches), "imu": mount}
     return replace(stated.base, body=bodies[0], **own)
@@ -640,7 +655,9 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
     parts = robot.inertia_parts
     for name in dict.fromkeys((*robot.dofs, *robot.numbers)):
         more = () if name in robot.dofs else ("stiffness",)
-        own = dict.fromkeys((*words, *more), 0.0) | dict(robot.numbers.get(name, {}))
+        zeros = dict.fromkeys((*words, *more), 0.0)
+        stated = dict(robot.numbers.get(name, {}))
+        own = zeros | stated
         if robot.offsets.get(name):
             own |= {"offset": robot.offsets[name]}
         values |= {f"{name}.{part}": 0.0 for part in parts} | name_numbers(name, own, parts)

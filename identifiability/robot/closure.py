@@ -31,7 +31,8 @@ def stretch_home(robot: Description) -> Description:
     if not robot.cables:
         return robot
     home = np.array(robot.home)
-    frames = robot.tree.frames(home[None], [p.joint for c in robot.cables for p in c.points])
+    joints = [p.joint for c in robot.cables for p in c.points]
+    frames = robot.tree.frames(home[None], joints)
     for cable in robot.cables:
         apart = [_distance(robot.tree, frames, *ends)[1][0] for ends in pairwise(cable.points)]
         if min(apart, default=np.inf) < ROUNDOFF:
@@ -107,7 +108,8 @@ def invert(A: Array) -> tuple[Array, Array]:
         inverse = np.linalg.inv(A)
     except np.linalg.LinAlgError:
         singular = np.array([np.linalg.matrix_rank(a) < len(a) for a in A])
-        inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(A.shape[1]), A))
+        unit = singular[:, None, None]
+        inverse = np.linalg.inv(np.where(unit, np.eye(A.shape[1]), A))
         inverse[singular] = np.nan
     norm, norm_of_inverse = (np.abs(x).sum(1).max(1) for x in (A, inverse))
     condition = norm * norm_of_inverse
@@ -169,7 +171,9 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     """
     tree = robot.tree
     n = len(q)
-    ends = [*((x.first, x.second) for x in robot.loops), *(c.points for c in robot.cables)]
+    of_loops = ((x.first, x.second) for x in robot.loops)
+    of_cables = (c.points for c in robot.cables)
+    ends = [*of_loops, *of_cables]
     frames = tree.frames(q, [p.joint for points in ends for p in points])
     errors = np.empty((robot.equations, n))
     J = np.zeros((robot.equations, robot.nv, n))
@@ -325,7 +329,8 @@ def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
             break
         left = left[go_on]
         step = np.zeros((len(left), robot.nv))
-        step[:, robot.dependent] = -solve(J[go_on][:, :, robot.dependent], residual.T[go_on])
+        slopes = J[go_on][:, :, robot.dependent]
+        step[:, robot.dependent] = -solve(slopes, residual.T[go_on])
         largest = np.abs(step).max(1, keepdims=True)
         step *= np.minimum(1.0, 0.5 / np.maximum(largest, 1e-300))  # far steps are not trusted
         q[left] = robot.tree.integrate(q[left], step)
@@ -511,18 +516,21 @@ def complete_motion(
     # Near-singular from here on; within their limits the shipped robots stay below 130.
     near = condition > 1000.0
     near[1:] |= passes_singular(A[:, :, robot.dependent])
+    acceleration = _spread(robot, ddq, bent)
+    dropped = np.setdiff1d(np.arange(n), rows)
+    worst = float(condition.max())
     motion = Motion(
         t=t[rows],
         q=full,
         v=v,
-        a=_spread(robot, ddq, bent),
+        a=acceleration,
         actuated_q=q,
         actuated_v=dq,
         actuated_a=ddq,
         X=X,
         kept=rows,
-        dropped=np.setdiff1d(np.arange(n), rows),
-        condition=float(condition.max()),
+        dropped=dropped,
+        condition=worst,
         near_singular=rows[near],
     )
     return _free(robot, motion, None if touch is None else touch[rows])

@@ -223,7 +223,8 @@ class Coupling:
         while followers := terms.keys() & leads.keys():
             joint = min(followers)
             of = leads[joint]
-            terms[of] = terms.get(of, Polynomial([0.0])) + terms.pop(joint)(inner[joint])
+            before = terms.get(of, Polynomial([0.0]))
+            terms[of] = before + terms.pop(joint)(inner[joint])
         powers = {of: poly.coef.tolist() for of, poly in terms.items()}
         return Coupling.of(self.name, self.joint, powers, self.constant)
 
@@ -735,7 +736,9 @@ class Description(Stated):
 
     def along(self, axis: Axis, x: Array) -> Array:
         """Return velocities or accelerations (N, nv) of the tree along an axis, (N,)."""
-        return np.asarray(x[:, [*map(self.dof_index, axis.weights)]] @ [*axis.weights.values()])
+        columns = [*map(self.dof_index, axis.weights)]
+        factors = [*axis.weights.values()]
+        return np.asarray(x[:, columns] @ factors)
 
     def travel(self, axis: Axis, q: Array, start: Array | None = None) -> Array:
         """Return how far configurations (N, nq) are along an axis, (N,) [rad or m].

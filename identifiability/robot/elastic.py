@@ -66,7 +66,8 @@ def find_springs(m: Any, driven: Collection[str], tied: Collection[str]) -> dict
         motor = m.joint(int(m.body_jntadr[around] + m.body_jntnum[around] - 1))
         place = [*m.body_pos[body], *m.body_quat[body], *joint.axis, *joint.pos]
         where = [0, 0, 0, 1, 0, 0, 0, *motor.axis, *motor.pos]
-        alike = joint.type[0] == motor.type[0] and np.abs(np.subtract(place, where)).max() < NEARLY
+        same_kind = joint.type[0] == motor.type[0]
+        alike = same_kind and np.abs(np.subtract(place, where)).max() < NEARLY
         free = joint.name not in driven and joint.name not in tied
         if alike and free and motor.name in driven and joint.stiffness[0] > 0:
             numbers = float(joint.stiffness[0]), float(joint.damping[0])
@@ -206,4 +207,5 @@ def _lengthen_keys(top: ET.Element, m: Any, joints: Collection[str]) -> None:
     for word, places in (("qpos", m.jnt_qposadr), ("qvel", m.jnt_dofadr)):
         at = [int(places[m.joint(name).id]) + 1 for name in joints]
         for key in (e for e in keys if e.get(word)):
-            key.set(word, " ".join(np.insert(np.array(key.get(word, "").split()), at, "0")))
+            values = np.array(key.get(word, "").split())
+            key.set(word, " ".join(np.insert(values, at, "0")))

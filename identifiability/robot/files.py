@@ -117,13 +117,16 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         model.gravity.linear = np.zeros(3)
     tree = read_tree(path, model)
     coupled = {c.joint for c in couplings}
+    carriers = tuple(k for k in range(1, model.njoints) if k not in gone)
+    home = np.array(pin.neutral(model))
+    driven = [name for name in tree.single if name not in coupled]
     return Stated(
         model=model,
         tree=tree,
-        carriers=tuple(k for k in range(1, model.njoints) if k not in gone),
+        carriers=carriers,
         couplings=tuple(couplings),
-        home=np.array(pin.neutral(model)),
-        driven=[name for name in tree.single if name not in coupled],
+        home=home,
+        driven=driven,
         locked=locked,
         welded=welded,
         base=base,
@@ -171,7 +174,8 @@ def _read_mimics(
         others = [n for n in joints if n != name]
         if of in others:
             slope = float(mimic.get("multiplier", 1.0))
-            found.append(Coupling(name, name, float(mimic.get("offset", 0.0)), {of: (0.0, slope)}))
+            offset = float(mimic.get("offset", 0.0))
+            found.append(Coupling(name, name, offset, {of: (0.0, slope)}))
         elif name not in instead:
             raise RobotError(
                 f"{path}: joint '{name}' mimics '{of}', but no other joint has that name"
@@ -187,13 +191,16 @@ def _read_limits(model: Any, tree: Tree) -> dict[str, Any]:
     low = model.lowerPositionLimit
     high = model.upperPositionLimit
     friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
+    spans = {name: (float(low[j.iq]), float(high[j.iq])) for name, j in single.items()}
+    speeds = {name: float(model.velocityLimit[j.iv]) for name, j in single.items()}
+    numbers = {
+        name: {"damping": float(model.damping[j.iv]), "frictionloss": float(friction[j.iv])}
+        for name, j in single.items()
+    }
     return {
-        "spans": {name: (float(low[j.iq]), float(high[j.iq])) for name, j in single.items()},
-        "speeds": {name: float(model.velocityLimit[j.iv]) for name, j in single.items()},
-        "numbers": {
-            name: {"damping": float(model.damping[j.iv]), "frictionloss": float(friction[j.iv])}
-            for name, j in single.items()
-        },
+        "spans": spans,
+        "speeds": speeds,
+        "numbers": numbers,
     }
 
 

@@ -180,7 +180,8 @@ def wrench_torque(tree: Tree, q: Array, wrench: Wrench, values: Array) -> Array:
     J = contact_jacobian(tree, frames, like, None, len(q))
     axes = tree.world_axes(frames, wrench.point.joint, wrench.rotation)
     axes = np.broadcast_to(axes, (3, 3, len(q)))
-    turned = [np.einsum("ixn,ni->xn", axes, part) for part in (values[:, :3], values[:, 3:])]
+    halves = (values[:, :3], values[:, 3:])
+    turned = [np.einsum("ixn,ni->xn", axes, part) for part in halves]
     tau: Array = np.einsum("xvn,xn->nv", J, np.concatenate(turned))
     return tau
 
@@ -277,7 +278,8 @@ def _pinv(A: Array, smallest: float) -> tuple[Array, Array]:
     real = s > NEARLY * np.maximum(top, 1e-3)
     weak = (real & (s < smallest * top)).any(1)
     inverse = np.where(real, 1.0 / np.where(real, s, 1.0), 0.0)
-    return (V.swapaxes(1, 2) * inverse[:, None, :]) @ U.swapaxes(1, 2), weak
+    scaled = V.swapaxes(1, 2) * inverse[:, None, :]
+    return scaled @ U.swapaxes(1, 2), weak
 
 
 def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> Array:
@@ -307,5 +309,6 @@ def find_legs(joints: Sequence[str], bodies: Sequence[str], parents: Sequence[in
         Index of the parent of each body; negative without one.
     """
     is_leg = [bool(_LEG.search(f"{j} {b}")) for j, b in zip(joints, bodies, strict=True)]
-    first = [leg and not (up >= 0 and is_leg[up]) for leg, up in zip(is_leg, parents, strict=True)]
+    pairs = zip(is_leg, parents, strict=True)
+    first = [leg and not (up >= 0 and is_leg[up]) for leg, up in pairs]
     return [body for body, starts in zip(bodies, first, strict=True) if starts]

@@ -54,7 +54,10 @@ def turn(vector: Array, step: Array) -> Array:
 
 def combine(R: Array, parts: Array) -> Array:
     """Return the vector with some components along the axes of a frame, (3, N)."""
-    whole: Array = R[0] * parts[0] + R[1] * parts[1] + R[2] * parts[2]
+    x = R[0] * parts[0]
+    y = R[1] * parts[1]
+    z = R[2] * parts[2]
+    whole: Array = x + y + z
     return whole
 
 
@@ -205,7 +208,8 @@ class Tree:
                 out[:, j.iq : j.iq + 3] += turn.apply(dv[:, :3])
                 out[:, j.iq + 3 : j.iq + 7] = turned(quat, dv[:, 3:])
             elif j.kind == "ball":
-                out[:, j.iq : j.iq + 4] = turned(q[:, j.iq : j.iq + 4], dv)
+                before = q[:, j.iq : j.iq + 4]
+                out[:, j.iq : j.iq + 4] = turned(before, dv)
             else:
                 out[:, j.iq] += dv[:, 0]
         return out
@@ -343,11 +347,14 @@ def _read_joint(path: Path, model: Any, index: int, still: Array) -> Joint:
         )
     if part.nv == 1 and not abs(np.linalg.norm(axis) - 1) < NEARLY:
         raise RobotError(f"{path}: joint '{name}' has no axis; give one that is not all zero.")
-    ends = {"ball": ("rx", "ry", "rz"), "free": ("tx", "ty", "tz", "rx", "ry", "rz")}.get(type_)
+    free = ("tx", "ty", "tz", "rx", "ry", "rz")
+    ends = {"ball": ("rx", "ry", "rz"), "free": free}.get(type_)
+    names = (name,) if ends is None else tuple(f"{name}.{end}" for end in ends)
+    parent = int(model.parents[index]) - 1
     return Joint(
-        (name,) if ends is None else tuple(f"{name}.{end}" for end in ends),
+        names,
         type_,  # type: ignore[arg-type]
-        int(model.parents[index]) - 1,
+        parent,
         np.array(place.rotation),
         np.array(place.translation),
         axis,

@@ -108,7 +108,9 @@ def replace_free_joints(spec: Any, floating: str | None = None) -> None:
 def add_base(body: Any) -> None:
     """Add the six joints that represent a base to a body of a MuJoCo spec."""
     for k, name in enumerate(BASE_JOINTS):
-        new = body.add_joint(name=name, type=(HINGE, SLIDE)[k < SIX // 2], axis=np.eye(3)[k % 3])
+        kind = (HINGE, SLIDE)[k < SIX // 2]
+        axis = np.eye(3)[k % 3]
+        new = body.add_joint(name=name, type=kind, axis=axis)
         for word in ("damping", "armature", "frictionloss", "stiffness", "ref"):
             setattr(new, word, np.zeros_like(getattr(new, word)))
         new.limited = new.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
@@ -136,7 +138,8 @@ def refused(path: Path) -> Iterator[None]:
         text = re.sub(r"(XML )?Error: |(?<=Element) name '',| id -?\d+,", "", text)
         quoted = re.search(r"'([^']+)'", text)
         text = text.rstrip(".")[:300]
-        known = {e.get(key) or "" for e in read_markup(path).iter() for key in ("name", "class")}
+        elements = read_markup(path).iter()
+        known = {e.get(key) or "" for e in elements for key in ("name", "class")}
         lost = quoted and quoted[1] not in {*known, "hinge", "slide"} and text[:6] != "Schema"
         end = near_match(quoted[1], known) if quoted and lost else "."
         faults = describe_faults(find_faults(path)) if "inertia" in text else ""
@@ -269,9 +272,11 @@ def _trees(m: Any, kind: str, which: Iterable[int]) -> set[int]:
         parts = [w for t in there for w in tendon_parts(m, t)]
         found = (_trees(m, _word(_WRAP(m.wrap_type[w])), [m.wrap_objid[w]]) for w in parts)
         return set[int]().union(*found)
+    joints = dict.fromkeys(("JOINT", "JOINTINPARENT"), m.jnt_bodyid)
+    sites = dict.fromkeys(("SITE", "SLIDERCRANK"), m.site_bodyid)
     bodies = {
-        **dict.fromkeys(("JOINT", "JOINTINPARENT"), m.jnt_bodyid),
-        **dict.fromkeys(("SITE", "SLIDERCRANK"), m.site_bodyid),
+        **joints,
+        **sites,
         "BODY": np.arange(m.nbody),
     }
     return {int(m.body_treeid[bodies[kind][k]]) for k in there if kind in bodies}
@@ -426,7 +431,8 @@ def _law(m: Any, a: int) -> str:
     """Return the controlled quantity of an actuator: position, speed or torque; else empty."""
     if _integrates(m, a):
         return "q_ref"
-    gain, (_, stiff, damp) = float(m.actuator_gainprm[a, 0]), m.actuator_biasprm[a, :3]
+    gain_read = float(m.actuator_gainprm[a, 0])
+    gain, (_, stiff, damp) = gain_read, m.actuator_biasprm[a, :3]
     bias = int(m.actuator_biastype[a])
     fixed = m.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
     plain = m.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
@@ -684,7 +690,9 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     joints = [m.joint(j) for j in _find_single(m)]
     drawn = {j.name: float(home[j.qposadr[0]]) for j in joints}
     owners = {a.owner for a in read_actuators(m)}
-    springs = find_springs(m, owners - {*(extra.actuated or ())}, {c.joint for c in _couplings(m)})
+    undriven = owners - {*(extra.actuated or ())}
+    coupled = {c.joint for c in _couplings(m)}
+    springs = find_springs(m, undriven, coupled)
     still = {s.joint: float(m.qpos_spring[m.joint(s.joint).qposadr[0]]) for s in springs.values()}
     extra = extra.model_copy(update={"locked": still | read_locks(extra.locked)})
     locked, couplings = resolve_locks(path, extra, drawn, _couplings(m))
@@ -708,18 +716,21 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     limited += [(m.tendon(t).name, m.tendon_range[t]) for t in acting if m.tendon_limited[t]]
     kept = np.ones(m.nq, bool)
     kept[[m.joint(name).qposadr[0] for name in locked]] = False
+    parents = sorted({f.parentJoint for f in frames.values()} - {0})
+    start = np.append(home[kept], np.zeros(len(cables)))
+    ranges = {name: (float(low), float(high)) for name, (low, high) in limited}
     return Stated(
         model=model,
         tree=add_slides(tree, cables, model.nq),
-        carriers=tuple(sorted({f.parentJoint for f in frames.values()} - {0})),
+        carriers=tuple(parents),
         loops=tuple(_loops(path, m, point)),
         couplings=tuple(couplings),
         driven=find_drives(actuators, locked),
-        home=np.append(home[kept], np.zeros(len(cables))),
+        home=start,
         posed=scene.nkey > 0,
         numbers=forces,
         rests=rests,
-        spans={name: (float(low), float(high)) for name, (low, high) in limited},
+        spans=ranges,
         locked=locked,
         welded=welded,
         springs=springs,
@@ -795,7 +806,9 @@ def _read_cable(m: Any, t: int, point: Places, locked: NumberByName) -> Cable:
 
 def _name_frames(model: Any, m: Any, frames: Mapping[str, Any]) -> dict[str, float]:
     """Give the model a frame for every site and geom with a name; return radii of spheres."""
-    parts = [*map(m.site, range(m.nsite)), *map(m.geom, range(m.ngeom))]
+    sites = map(m.site, range(m.nsite))
+    geoms = map(m.geom, range(m.ngeom))
+    parts = [*sites, *geoms]
     for part in (part for part in parts if part.name):
         body = frames[m.body(part.bodyid[0]).name]
         place = body.placement * _placed(part)
@@ -854,7 +867,8 @@ def _read_joint(x: Any) -> tuple[Any, Any]:
     back = -float(x.qpos0[0]) * axis
     if kind == SLIDE:
         return part, pin.SE3(np.eye(3), back)
-    return part, pin.SE3(pin.exp3(back) if back.any() else np.eye(3), np.zeros(3))
+    rotation = pin.exp3(back) if back.any() else np.eye(3)
+    return part, pin.SE3(rotation, np.zeros(3))
 
 
 def _placed(part: Any) -> Any:
@@ -882,7 +896,9 @@ def _home(scene: Any, m: Any) -> Array:
         if joint.name in there:
             own[:] = stated[there[joint.name] : there[joint.name] + size]
         if size > 1:  # a quaternion of MuJoCo begins with its real part
-            own[-4:] = np.roll(own[-4:], -1) / (np.linalg.norm(own[-4:]) or 1.0)
+            turned = np.roll(own[-4:], -1)
+            length = np.linalg.norm(own[-4:]) or 1.0
+            own[-4:] = turned / length
     return q
 
 
@@ -911,10 +927,9 @@ def _couplings(m: Any) -> list[Coupling]:
     out = []
     for eq in (eq for eq in _equalities(m) if eq.type[0] == _EQ.mjEQ_JOINT):
         curve = Polynomial(eq.data[:5])
+        joints = (eq.obj1id[0], eq.obj2id[0])
         (joint, start), *others = (
-            (m.joint(j).name, float(m.qpos0[m.jnt_qposadr[j]]))
-            for j in (eq.obj1id[0], eq.obj2id[0])
-            if j >= 0
+            (m.joint(j).name, float(m.qpos0[m.jnt_qposadr[j]])) for j in joints if j >= 0
         )
         terms = {of: curve(Polynomial([-zero, 1.0])).coef.tolist() for of, zero in others}
         constant = start if terms else start + float(curve.coef[0])

@@ -82,7 +82,8 @@ class Servo:
     @property
     def gain(self) -> Array:
         """Torque that one unit of the target makes, (n,): of a position, a speed, or a torque."""
-        return np.where(self.kp > 0, self.kp, np.where(self.kv > 0, self.kv, 1.0))
+        otherwise = np.where(self.kv > 0, self.kv, 1.0)
+        return np.where(self.kp > 0, self.kp, otherwise)
 
     @property
     def unknown(self) -> Array:
@@ -116,9 +117,10 @@ class Servo:
         """Return gains and, if it is equal in both directions, ``limit`` by joint."""
         alike = np.where(self.high == -self.low, self.high, np.inf)
         some = self.integral if self.integral.any() else np.full(len(joints), np.inf)
+        gains = {"kp": self.kp, "kv": self.kv, "ki": some, "limit": alike}.items()
         return {
             k: {j: v for j, v in zip(joints, each.tolist(), strict=True) if np.isfinite(v)}
-            for k, each in {"kp": self.kp, "kv": self.kv, "ki": some, "limit": alike}.items()
+            for k, each in gains
             if np.isfinite(each).any()
         }
 
@@ -241,9 +243,10 @@ def read_servo(
         )
     stated_here = entry.kp or entry.kv or entry.ki or entry.limit
     told = bool(stated_here or np.isnan(kp).any())
+    delay = None if entry.delay == "auto" else float(entry.delay)
     return Servo(
         *(kp, kv, low, high),
-        delay=None if entry.delay == "auto" else float(entry.delay),
+        delay=delay,
         source=SIDECAR if told else "the robot file",
         rate=entry.rate or Servo.rate,
         assumed=entry.rate is None,

@@ -596,13 +596,17 @@ def expand_names(
             tie = {k: [*parameters("symmetry", dict.fromkeys(x))] for k, x in entry.tie.items()}
             ties.append(entry.model_copy(update={"tie": tie}))
     first = left(extra.base_parameters.bodies)
+    base_parameters = extra.base_parameters.model_copy(update={"bodies": first})
+    limits = by_name(path, "limits", extra.limits, joints, locked)
+    prior_share = by_name(path, "prior_share", extra.prior_share, bodies, gone)
+    known_torque = [known for known in extra.known_torque if known.along not in gone]
     own = {
-        "base_parameters": extra.base_parameters.model_copy(update={"bodies": first}),
-        "limits": by_name(path, "limits", extra.limits, joints, locked),
-        "prior_share": by_name(path, "prior_share", extra.prior_share, bodies, gone),
+        "base_parameters": base_parameters,
+        "limits": limits,
+        "prior_share": prior_share,
         "symmetry": ties,
         "guessed": left(extra.guessed),
-        "known_torque": [known for known in extra.known_torque if known.along not in gone],
+        "known_torque": known_torque,
     }
     for word in ("nominal", "prior", "shapes", "reference"):
         own[word] = parameters(word, getattr(extra, word))

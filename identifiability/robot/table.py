@@ -113,11 +113,9 @@ class Table(Strict):
             return self.unit * angle
         times, _, over = angle.partition("pi")
         times = times.strip(" *")
-        return (
-            float(times if times not in ("", "-") else f"{times}1")
-            * math.pi
-            / float(over.strip(" /") or 1)
-        )
+        factor = float(times if times not in ("", "-") else f"{times}1")
+        divisor = float(over.strip(" /") or 1)
+        return factor * math.pi / divisor
 
     def place(self, row: Row) -> pin.SE3:
         """Return the frame of a row in that of its parent, with its joint at zero."""
@@ -125,8 +123,12 @@ class Table(Strict):
             return pin.SE3(pin.rpy.rpyToMatrix(*row.rpy), np.array(row.position))
         roll = self.turn(row.alpha)
         yaw = self.turn(row.theta)
-        x = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.array([row.a, 0.0, 0.0]))
-        z = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.0, 0.0, row.d]))
+        rotation = pin.rpy.rpyToMatrix(roll, 0.0, 0.0)
+        along_x = np.array([row.a, 0.0, 0.0])
+        x = pin.SE3(rotation, along_x)
+        turned = pin.rpy.rpyToMatrix(0.0, 0.0, yaw)
+        along_z = np.array([0.0, 0.0, row.d])
+        z = pin.SE3(turned, along_z)
         if self.convention == "modified":
             return x * z
         return z * x
@@ -309,21 +311,23 @@ def converted_mjcf(robot: Description) -> ET.Element:
             seen.insert(0, placement(joint).inverse() * seen[0])
         own = placement(joints[0]) * seen[0].inverse()
         q = pin.Quaternion(own.rotation)
+        quaternion = np.array([q.w, q.x, q.y, q.z])
         body = bodies[name] = ET.SubElement(
             bodies[above],
             "body",
             name=name,
             pos=numbers(own.translation),
-            quat=numbers(np.array([q.w, q.x, q.y, q.z])),
+            quat=numbers(quaternion),
         )
         for joint, place in zip(joints, seen, strict=True):
             kind = {"revolute": "hinge", "prismatic": "slide"}[joint.kind]
+            axis = numbers(place.rotation @ joint.axis)
             made = ET.SubElement(
                 body,
                 "joint",
                 name=joint.dofs[0],
                 type=kind,
-                axis=numbers(place.rotation @ joint.axis),
+                axis=axis,
                 pos=numbers(place.translation),
             )
             span = position_limits(robot, joint.dofs, {})[0]
@@ -383,17 +387,21 @@ def converted_urdf(robot: Description) -> ET.Element:
             name = joint.dofs[0]
             span = position_limits(robot, joint.dofs, {})[0]
             size = TINY if name in between else 1.0  # simulators refuse zero
+            parent = rows[-1].name if joint is not joints[0] else above
+            rpy = pin.rpy.matrixToRpy(joint.rotation).tolist()
+            limits = span.tolist() if np.isfinite(span).all() else None
+            inertia = dict.fromkeys(("xx", "yy", "zz"), size)
             stated = {
                 "name": between.get(name, body),
-                "parent": rows[-1].name if joint is not joints[0] else above,
+                "parent": parent,
                 "joint": name,
                 "type": joint.kind,
                 "position": joint.translation.tolist(),
-                "rpy": pin.rpy.matrixToRpy(joint.rotation).tolist(),
+                "rpy": rpy,
                 "axis": joint.axis.tolist(),
-                "range": span.tolist() if np.isfinite(span).all() else None,
+                "range": limits,
                 "mass": size,
-                "inertia": dict.fromkeys(("xx", "yy", "zz"), size),
+                "inertia": inertia,
             }
             rows.append(Row.model_validate(stated))
     top = _urdf(Table(name=robot.title, convention="frames", links=rows), ground)
@@ -426,7 +434,8 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
     """
     given = robot.said.model_dump(mode="json", exclude_unset=True, exclude={*_ANEW})
     given.get("bounds", {}).pop("bodies", None)
-    given["columns"] = {k: x for k, x in given.get("columns", {}).items() if k not in robot.locked}
+    columns = given.get("columns", {})
+    given["columns"] = {k: x for k, x in columns.items() if k not in robot.locked}
     given["effects"] = [e for e in robot.said.effects if e.partition("@")[2] not in robot.locked]
     new: dict[str, Any] = {}
     mjcf = path.suffix == ".xml"
@@ -438,11 +447,12 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
         if robot.home.any():
             places = {name: j.iq for name, j in robot.tree.single.items()}
             new["home"] = {name: float(robot.home[at]) for name, at in places.items()}
+        pairs = ends_of(robot, ground_of(robot))
         new["loops"] = [
             {"name": loop.name}
             | {f"body{k}": body for k, (body, _) in enumerate(ends, 1)}
             | {f"point{k}": point.tolist() for k, (_, point) in enumerate(ends, 1)}
-            for loop, ends in zip(robot.loops, ends_of(robot, ground_of(robot)), strict=True)
+            for loop, ends in zip(robot.loops, pairs, strict=True)
         ]
     new["couplings"] = [
         {"joint": c.joint, "polynomial": [c.constant], "terms": dict(c.terms)}

@@ -99,7 +99,8 @@ def _edited_tag(old: str, new: str) -> str:
         return ""
 
     bare = old.rstrip("/>").rstrip()
-    end = old[len(bare) :] if old.endswith("/>") == new.endswith("/>") else new[-2:].lstrip('"')
+    same_end = old.endswith("/>") == new.endswith("/>")
+    end = old[len(bare) :] if same_end else new[-2:].lstrip('"')
     kept = _ATTRIBUTE.sub(keep, bare)
     # The attributes that the old tag has were taken out of `said`.
     added = "".join(f" {k}={x}" for k, x in said.items())
@@ -246,7 +247,8 @@ def thicken(inertia: Array) -> Array:
     lack = moments[2] - moments[0] - moments[1]
     if abs(lack) >= TINY * moments[2]:
         return inertia
-    thick: Array = inertia + (TINY * moments[2] + lack) * axes[:, :2] @ axes[:, :2].T
+    least = (TINY * moments[2] + lack) * axes[:, :2]
+    thick: Array = inertia + least @ axes[:, :2].T
     return thick
 
 
@@ -511,9 +513,11 @@ def _check_template(robot: Description, top: ET.Element) -> None:
     tags = ("joint", "freejoint", "spatial", "fixed")
     named = {e.get("name") for e in top.iter() if e.tag in tags}
     bodies = {e.get("name") for e in top.iter() if e.tag in ("body", "link")}
+    joints = ("joint", set(robot.tree.single) - named - set(BASE_JOINTS))
+    absent = ("body", set(robot.bodies) - bodies)
     for what, missing in (
-        ("joint", set(robot.tree.single) - named - set(BASE_JOINTS)),
-        ("body", set(robot.bodies) - bodies),
+        joints,
+        absent,
     ):
         if missing:
             raise RobotError(

@@ -52,7 +52,8 @@ def leave_out_irregular(
     """
     if log.q_ref is None or log.servo_delay is None:
         return log, 0.0
-    changes = np.flatnonzero(np.any(np.diff(log.q_ref, axis=0) != 0, axis=1)) + 1
+    differs = np.diff(log.q_ref, axis=0) != 0
+    changes = np.flatnonzero(np.any(differs, axis=1)) + 1
     if len(changes) < 2:
         return log, 0.0
     starts = np.append(0, changes)

@@ -136,9 +136,8 @@ def damped_step(
     rows = np.vstack([R, np.sqrt(damping) * np.diag(size)])
     aim = np.concatenate([-projected, np.zeros(len(varied))])
     step = np.zeros(len(x))
-    step[varied] = scipy.optimize.lsq_linear(
-        rows, aim, problem.bounds(x)[:, varied], method="bvls"
-    ).x
+    bounds = problem.bounds(x)[:, varied]
+    step[varied] = scipy.optimize.lsq_linear(rows, aim, bounds, method="bvls").x
     rest = projected + R @ step[varied]
     return step, float(projected @ projected - np.sum(rest**2))
 
@@ -193,16 +192,20 @@ def conclude(problem: RolloutProblem, end: SearchEnd) -> Rollouts:
     covariance = uncertainty(problem, end)
     # From kv over kp, and log kp, to kv and log kp.
     log_kp = x[gains][n:]
-    to_gains = np.diag(np.exp(np.append(over[-2] * log_kp, np.zeros(n))))
+    last = np.append(over[-2] * log_kp, np.zeros(n))
+    to_gains = np.diag(np.exp(last))
     to_gains[range(n), range(n, 2 * n)] = over[-2] * numbers["kv"]
     unsure = np.sqrt(np.diag(covariance))
+    errors = problem.errors(end.q)
+    missed = problem.missed(end.q)
+    delay_errors = unsure[problem.delays] * problem.varied[problem.delays]
     return Rollouts(
         numbers=numbers,
         parameters=problem.parameters(numbers),
         delays=delays,
-        errors=problem.errors(end.q),
-        missed=problem.missed(end.q),
-        delay_errors=unsure[problem.delays] * problem.varied[problem.delays],
+        errors=errors,
+        missed=missed,
+        delay_errors=delay_errors,
         covariance=to_gains @ covariance[gains, gains] @ to_gains.T,
         unsure=unsure,
         search=(problem, end),

@@ -76,7 +76,9 @@ def fit_rollouts(
     if lost.any():
         # The search began too far from the numbers of these joints.
         again = descend(problem, restart_joints(problem, end.x, lost), BEGUN)
-        better = problem.missed(again.q)[lost].sum() < problem.missed(end.q)[lost].sum()
+        new = problem.missed(again.q)[lost].sum()
+        old = problem.missed(end.q)[lost].sum()
+        better = new < old
         end = again if better else end
     if first is not None and len(windows) > len(logs):
         first(answer_first(robot, logs, problem, end))

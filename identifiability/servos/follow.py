@@ -199,13 +199,15 @@ def _calibrate(
         {k: replace_servo(log, servo, rival) for k, log in own.items()} for rival in servos.rivals
     ]
     hints = (_state_calibrated(servos, list(own.values())), *servos.findings, *irregular)
+    every = (*hints, *recordings.hints)
+    rolled = replace(found, search=())
     return replace(
         recordings,
         fitted=tuple(own.get(k, log) for k, log in enumerate(recordings.fitted)),
         held_out=tuple(held_out),
-        hints=(*hints, *recordings.hints),
+        hints=every,
         later=tuple(later),
-        rolled=replace(found, search=()),
+        rolled=rolled,
     )
 
 
@@ -279,6 +281,8 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     assert robot.servo is not None
     servo = robot.servo
     names = [log.name for log in logs]
+    integral = bool(servo.integral.any())
+    rms = float(np.sqrt(np.mean(found.errors**2)))
     made = phrase(
         "commands",
         "made",
@@ -286,8 +290,8 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         source=servo.source,
         late=state_delay(found.delays, names),
         stated=servo.delay is not None,
-        integral=bool(servo.integral.any()),
-        after=1e3 * float(np.sqrt(np.mean(found.errors**2))),
+        integral=integral,
+        after=1e3 * rms,
     )
     held = 1e3 * np.where(servo.kp > 0, found.numbers["Fc"], 0.0) / servo.gain
     k = int(np.argmax(held))
@@ -309,9 +313,10 @@ def _undamped_joints(robot: Robot, servo: Servo, torque: Array) -> list[str]:
 
 def delay_commands(recordings: Recordings, servo: Servo, delay: float) -> Recordings:
     """Return recordings with commands that act later by some time [s]."""
+    both = (recordings.fitted, recordings.held_out)
     fitted, held_out = (
         tuple(replace_servo(x, servo, servo, delay) if of_commands(x) else x for x in logs)
-        for logs in (recordings.fitted, recordings.held_out)
+        for logs in both
     )
     said = Finding("commands", text=phrase("commands", "later", by=1e3 * delay))
     hints = (*recordings.hints, said)

@@ -109,10 +109,13 @@ def state_gains(
     new_kv = np.isnan(asked.kv) & (servo.kv > 0) & moves
     new_ki = np.isnan(asked.integral) & moves
     ki_sd = found.unsure[problem.at("ki")]
+    of_kp = _list_gains("kp", robot, servo.kp, log_kp_sd * servo.kp, new_kp)
+    of_kv = _list_gains("kv", robot, servo.kv, kv_sd, new_kv)
+    of_ki = _list_gains("ki", robot, servo.integral, ki_sd, new_ki)
     gains = [
-        _list_gains("kp", robot, servo.kp, log_kp_sd * servo.kp, new_kp),
-        _list_gains("kv", robot, servo.kv, kv_sd, new_kv),
-        _list_gains("ki", robot, servo.integral, ki_sd, new_ki),
+        of_kp,
+        of_kv,
+        of_ki,
     ]
     surest = min(shares, key=lambda body: shares[body])
     within = percent(shares[surest])

@@ -151,10 +151,13 @@ def _explain_tree(
     of_tree = np.tile(joints, len(KINDS))
     single = np.argsort(-gain[: problem.bodies.start] * of_tree)[:3]
     integral = problem.at("ki")[joints & (gain[problem.at("ki")] > 0)]
-    likeliest = [*np.reshape(single, (-1, 1)), *([integral] if len(integral) > 1 else [])]
+    singles = np.reshape(single, (-1, 1))
+    whole = [integral] if len(integral) > 1 else []
+    likeliest = [*singles, *whole]
     likeliest.sort(key=lambda numbers: -gain[numbers].sum())
     weighted = problem.weights(end.q) * problem.residual(end.q, end.x)
-    rows = weighted[: problem.rows()[-1] * len(joints)].reshape(-1, len(joints))
+    count = problem.rows()[-1] * len(joints)
+    rows = weighted[:count].reshape(-1, len(joints))
     least = max(BEGUN, PROMISED * np.sum(rows[:, joints] ** 2))
     tried = list[Explanation]()
     for numbers in likeliest:
@@ -224,13 +227,15 @@ def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -
     j = number % len(robot.joints)
     servo = problem.machine.servo
     kind = _kind(problem, explanation.numbers)
+    places = explanation.numbers % len(robot.joints)
+    factor = np.exp(value) if kind == "kp" else 1.0
     return phrase(
         "odd_joint",
         kind,
-        joints=[robot.joints[k] for k in explanation.numbers % len(robot.joints)],
+        joints=[robot.joints[k] for k in places],
         joint=robot.joints[j],
         kp=servo.kp[j],
-        factor=np.exp(value) if kind == "kp" else 1.0,
+        factor=factor,
         size=value,
         unit=robot.torque_units[j],
     )

@@ -53,7 +53,8 @@ def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
     (N, n) [rad or m]
     """
     finest = resolution(log.q)
-    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
+    measured = noise_level(log.q, log.t) ** 2
+    noise = np.sqrt(np.maximum(measured - finest**2 / 12, 0.0))
     phase = rng.uniform(size=q.shape[1])
     width = or_one(finest)
     steps = np.floor(q / width + phase) + 0.5 - phase

@@ -163,7 +163,9 @@ class RolloutProblem:
         low[: len(unbounded)] = np.where(unbounded, -np.inf, -x[: len(unbounded)])
         # A command was given at any time since the row before.
         low[self.delays] = -self.dt - x[self.delays]
-        return np.stack([np.minimum(low, -1e-12), np.full(len(x), np.inf)])
+        lower = np.minimum(low, -1e-12)
+        upper = np.full(len(x), np.inf)
+        return np.stack([lower, upper])
 
     # Positions and their errors.
 
@@ -192,7 +194,8 @@ class RolloutProblem:
             machine = CommandedRobot(machine.robot, drop_follower_friction(machine.robot), loose)
             if not has_play:
                 self.integrating[pattern] = machine
-        sizes = dict(zip(self.shares, np.exp(2 * numbers["sizes"]).tolist(), strict=True))
+        logs_of_sizes = np.exp(2 * numbers["sizes"])
+        sizes = dict(zip(self.shares, logs_of_sizes.tolist(), strict=True))
         return machine.resized(sizes), numbers, delays
 
     def rows(self) -> np.ndarray:
@@ -215,7 +218,8 @@ class RolloutProblem:
     def window_errors(self, q: list[Array]) -> Array:
         """Return errors of positions (rms) by window and joint, (windows, n)."""
         squares = self.differences(q) ** 2
-        return np.sqrt([part.mean(0) for part in np.split(squares, self.rows()[1:-1])])
+        windows = np.split(squares, self.rows()[1:-1])
+        return np.sqrt([part.mean(0) for part in windows])
 
     def errors(self, q: list[Array]) -> Array:
         """Return errors of positions (rms) by joint where its command moves, (n,)."""
@@ -312,7 +316,8 @@ class RolloutProblem:
     def _group_by_tree(self, numbers: np.ndarray) -> list[np.ndarray]:
         """Return groups of numbers, each with at most one number of a tree."""
         trees = self.tree_of[numbers]
-        turn = np.array([np.sum(trees[:k] == tree) for k, tree in enumerate(trees)], int)
+        before = [np.sum(trees[:k] == tree) for k, tree in enumerate(trees)]
+        turn = np.array(before, int)
         return [numbers[turn == k] for k in range(int(turn.max(initial=-1)) + 1)]
 
     def _prior_derivative(self, x: Array, by: Array) -> Array:

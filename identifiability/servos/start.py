@@ -85,7 +85,8 @@ def restart_joints(problem: RolloutProblem, x: Array, joints: np.ndarray) -> Arr
     for joint in np.flatnonzero(joints):
         of_joint = np.arange(problem.over.size) % len(joints) == joint
         x = x.copy()
-        x[: problem.over.size][of_joint] = tried[best[joint]][: problem.over.size][of_joint]
+        best_numbers = tried[best[joint]][: problem.over.size]
+        x[: problem.over.size][of_joint] = best_numbers[of_joint]
     return x
 
 
@@ -100,9 +101,8 @@ def _errors(
     step = machine.longest(numbers, COARSE * STEP)
     logs = [window.rows for window in windows]
     rolled = machine.roll_all(logs, numbers, [delay] * len(logs), step)
-    errors = [
-        np.sqrt(np.mean((q - log.q) ** 2, axis=0)) for q, log in zip(rolled, logs, strict=True)
-    ]
+    pairs = zip(rolled, logs, strict=True)
+    errors = [np.sqrt(np.mean((q - log.q) ** 2, axis=0)) for q, log in pairs]
     shares = np.nan_to_num(errors / explicable(logs), nan=1e6)
     moves = np.array([window.moves for window in windows])
     mean: Array = np.sum(shares * moves, axis=0) / np.maximum(moves.sum(0), 1)
@@ -151,12 +151,16 @@ def balance_torque(
     factor = np.where(unknown, gains, 1.0)
     dry, viscous, inertia, offset = factor * slope
     bodies = machine.inertia(windows[0].rows.q.mean(0)) - numbers["Ia"]
+    rotor = np.maximum(inertia - bodies, 0.0)
+    damping = np.maximum(viscous - machine.servo.kv, 0.0)
+    friction = np.maximum(dry, 0.0)
+    offsets = np.where(unknown, 0.0, offset)
     balanced = {
         **numbers,
-        "Ia": np.maximum(inertia - bodies, 0.0),
-        "Fv": np.maximum(viscous - machine.servo.kv, 0.0),
-        "Fc": np.maximum(dry, 0.0),
-        "off": np.where(unknown, 0.0, offset),
+        "Ia": rotor,
+        "Fv": damping,
+        "Fc": friction,
+        "off": offsets,
         "kp": gains,
     }
     return balanced, bool(unknown.any() and not (told.any() or not unknown.all()))

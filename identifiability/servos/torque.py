@@ -66,10 +66,12 @@ def servo_log(log: Log, servo: Servo, delay: float) -> Log:
     lost = (tau != unlimited) | unknown
     if log.unmeasured is not None:
         lost = lost | log.unmeasured
+    integral = integral_torque(log, servo, dt, delay)
+    unmeasured = lost if lost.any() else None
     return replace(
         log,
-        tau=tau + integral_torque(log, servo, dt, delay),
-        unmeasured=lost if lost.any() else None,
+        tau=tau + integral,
+        unmeasured=unmeasured,
         motion_alone=False,
         servo_delay=float(delay),
     )

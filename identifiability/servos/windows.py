@@ -47,7 +47,8 @@ def cut_windows(logs: Sequence[Log]) -> list[Window]:
         if len(log) <= round(budget / step):
             parts = [log]
         else:
-            starts = np.linspace(0, len(log) - length, max(int(budget / WINDOW), 1)).astype(int)
+            count = max(int(budget / WINDOW), 1)
+            starts = np.linspace(0, len(log) - length, count).astype(int)
             parts = [log.rows(start, start + length) for start in starts.tolist()]
         windows += [Window(k, part, moving_commands(part)) for part in parts]
     return windows

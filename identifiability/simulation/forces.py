@@ -74,14 +74,16 @@ class JointTerms:
             return values.get(f"{name}.{kind}", default)
 
         coulomb = of("Fc")
+        inertia = sum(map(of, inertia_parts))
+        loose = {kind: of(kind) for kind in _SPRINGS}
         return JointTerms(
             viscous=of("Fv"),
             forward=of("Fc+", coulomb),
             backward=of("Fc-", coulomb),
-            inertia=sum(map(of, inertia_parts)),
+            inertia=inertia,
             stiffness=of("K"),
             offset=of("off"),
-            loose={kind: of(kind) for kind in _SPRINGS},
+            loose=loose,
         )
 
     def friction(self, speed: Array) -> Array:
@@ -162,7 +164,8 @@ def _along(robot: Robot, axis: Axis, move: PrescribedMotion, rigid: RigidTorque)
         else:
             k = robot.passive.index(joint)
             arms -= c * rigid.X[:, k]
-        motion += c * np.array([x[:, k] for x in (own if joint in robot.joints else passive)])
+        source = own if joint in robot.joints else passive
+        motion += c * np.array([x[:, k] for x in source])
     return [*motion, arms]
 
 
@@ -186,7 +189,9 @@ def _from_end_to_end(position: Array) -> Array:
 
 
 def _ripple(_speed: Array, position: Array, _load: Array) -> Array:
-    return np.sin(16 * np.pi * (position - position.min()) / max(np.ptp(position), 1e-12))
+    phase = 16 * np.pi * (position - position.min())
+    length = max(np.ptp(position), 1e-12)
+    return np.sin(phase / length)
 
 
 def _cable(_speed: Array, position: Array, _load: Array) -> Array:
@@ -375,7 +380,8 @@ def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
     """Return the torque error that a delayed, leaking or drifting record adds at joint k, (N,)."""
     seams = np.flatnonzero(np.diff(move.t) > 0.5 * PAUSE) + 1
     if name in ("time_delay", "clock_error"):
-        slope = np.concatenate([np.gradient(part) for part in np.split(tau[:, k], seams)])
+        parts = np.split(tau[:, k], seams)
+        slope = np.concatenate([np.gradient(part) for part in parts])
         return slope if name == "clock_error" else -slope
     if name == "torque_scale":
         return tau[:, k]
@@ -403,7 +409,9 @@ def _passive(robot: Robot, rigid: RigidTorque, tau: Array, hidden: Hidden) -> Ar
     for at in _chosen([a.name for a in axes], hidden, robot):
         k = robot.passive.index(axes[at].name)
         speed = rigid.passive_v[:, k]
-        out -= (np.sign(speed) + speed / _typical(speed))[:, None] * rigid.X[:, k]
+        signs = np.sign(speed) + speed / _typical(speed)
+        column = rigid.X[:, k]
+        out -= signs[:, None] * column
     return scaled(out, tau, hidden.share)
 
 

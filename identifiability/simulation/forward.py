@@ -147,7 +147,8 @@ def _set_couplings(model: Any, robot: Robot) -> None:
     for c in robot.couplings:
         own = f"coupling of {c.joint}"
         if own in names:
-            drawn = [model.qpos0[model.joint(j).qposadr[0]] for j in (c.joint, *c.terms)]
+            joints = (c.joint, *c.terms)
+            drawn = [model.qpos0[model.joint(j).qposadr[0]] for j in joints]
             curve = Polynomial(c.polynomial)(Polynomial([*drawn[1:], 1.0])) - drawn[0]
             model.eq_data[model.equality(own).id, :POWERS] = 0.0
             model.eq_data[model.equality(own).id, : len(curve.coef)] = curve.coef
@@ -160,13 +161,16 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int, kind: Any) -> None:
     """
     kp = float(servo.kp[k])
     kv = float(servo.kv[k])
+    gains = [float(servo.gain[k]), *[0] * 9]
+    biases = [0, -kp, -kv, *[0] * 7]
+    limits = [servo.low[k], servo.high[k]]
     options = _MOTOR | {
-        "gainprm": [float(servo.gain[k]), *[0] * 9],
+        "gainprm": gains,
         "biastype": mujoco.mjtBias.mjBIAS_AFFINE,
-        "biasprm": [0, -kp, -kv, *[0] * 7],
+        "biasprm": biases,
         "forcelimited": True,
         "forcerange": np.nan_to_num(
-            [servo.low[k], servo.high[k]],
+            limits,
             posinf=LARGEST,
             neginf=-LARGEST,
         ),
@@ -355,7 +359,9 @@ class ForwardRobot:
         kinematics = self._kinematics
         nv = model.nv
         alive = np.ones(count, bool)
-        limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
+        places = np.abs(q).max(0)
+        moves = np.abs(dq).max(0) * dt
+        limit = DIVERGED * (places + moves * steps + 1.0)
         for step in range(steps):
             force = np.zeros((count, kinematics.size))  # at joints, then at actuators of tendons
             force[:, kinematics.actuated] = tau[:, step]
@@ -396,9 +402,10 @@ class ForwardRobot:
 
 def stated_numbers(terms: JointTerms) -> dict[str, float]:
     """Return the joint attributes of MuJoCo for these terms, none below zero."""
+    friction = 0.5 * (terms.forward + terms.backward)
     numbers = {
         "damping": terms.viscous,
-        "frictionloss": 0.5 * (terms.forward + terms.backward),
+        "frictionloss": friction,
         "armature": terms.inertia,
         "stiffness": terms.stiffness,
     }

@@ -93,7 +93,8 @@ class Trajectory:
     def motion(self, t: Array) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq (N, n) at times t."""
         w = 2 * np.pi / self.period * np.arange(1, self.harmonics + 1)
-        series = np.vstack([self.offset, (self.sin / w).T, -(self.cos / w).T])
+        cosines = -(self.cos / w).T
+        series = np.vstack([self.offset, (self.sin / w).T, cosines])
         return signals.fourier_motion(t, self.period, series)
 
 
@@ -143,13 +144,16 @@ def read_trajectories(path: str | Path, robot: Robot) -> dict[str, Trajectory]:
         rows = [joints[j] for j in robot.joints]
         if len({len(r.sin) for r in rows} | {len(r.cos) for r in rows}) != 1:
             raise LogError(f"{path}: trajectory '{name}' has joints with different harmonics.")
+        offsets = [r.offset for r in rows]
+        sines = np.array([r.sin for r in rows])
+        cosines = np.array([r.cos for r in rows])
         out[name] = Trajectory(
             name=name,
             period=content.period,
             samples=content.samples,
-            offset=np.array([r.offset for r in rows]),
-            sin=np.array([r.sin for r in rows]),
-            cos=np.array([r.cos for r in rows]),
+            offset=np.array(offsets),
+            sin=sines,
+            cos=cosines,
         )
     return out
 
@@ -283,14 +287,16 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     if gear is not None and {*log.joints} == {*motors}:
         pairs = (("dq", log.dq), ("ddq", log.ddq))
         rates: dict[str, Any] = {k: x if x is None else gear.joint_rate(x) for k, x in pairs}
-        log = replace(log, joints=robot.joints, q=gear.joint_side(log.q, log.tau)[0], **rates)
+        sides = gear.joint_side(log.q, log.tau)
+        log = replace(log, joints=robot.joints, q=sides[0], **rates)
     check_units(robot, [log])
     if log.dq is not None and log.ddq is not None:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)
     dt = signals.sampling_step(log.t)
     gaps = np.diff(log.t)
     # Lost samples are bridged as where a log is fitted.
-    t = log.t[0] + dt * np.arange(round((log.t[-1] - log.t[0]) / dt) + 1)
+    duration = log.t[-1] - log.t[0]
+    t = log.t[0] + dt * np.arange(round(duration / dt) + 1)
     q = scipy.interpolate.CubicSpline(log.t, log.q)(t)
     cutoff = choose_band([Spectrum.of([q], dt)]).outputs
     longest = int(np.argmax(gaps))

@@ -206,7 +206,8 @@ class MujocoRobot:
         }
         self.places |= {c.name: (m.nv + k, m.nq + k) for k, c in enumerate(robot.cables)}
         self.size = m.nv + len(robot.cables)
-        self.actuated, self.positions = np.array([self.places[j] for j in robot.joints], int).T
+        places = [self.places[j] for j in robot.joints]
+        self.actuated, self.positions = np.array(places, int).T
         #: Locked joints are in the file. They are prescribed to stand still instead of being
         #: welded.
         self.locked = np.array([self.places[j][0] for j in robot.locked], int)
@@ -258,7 +259,8 @@ class MujocoRobot:
             a[self.actuated] = ddq[k]
             a[self.passive] = self._passive_acceleration(full, v) - X @ ddq[k]
             data = self.data
-            data.qpos[:], data.qvel[:], data.qacc[:] = full[: self.model.nq], v[:nv], a[:nv]
+            position = full[: self.model.nq]
+            data.qpos[:], data.qvel[:], data.qacc[:] = position, v[:nv], a[:nv]
             mujoco.mj_inverse(self.model, data)
             force = np.append(data.qfrc_inverse, np.zeros(len(self.robot.cables)))
             tau[k] = force[self.actuated] - X.T @ force[self.passive]
@@ -284,7 +286,8 @@ class MujocoRobot:
             else:  # a quaternion begins with its real part there
                 end = at + j.nq
                 out[:, at:end] = q[:, j.iq : j.iq + j.nq]
-                out[:, end - 4 : end] = np.roll(out[:, end - 4 : end], 1, axis=1)
+                quaternion = out[:, end - 4 : end]
+                out[:, end - 4 : end] = np.roll(quaternion, 1, axis=1)
         return out
 
     def meet(self, place: Array) -> tuple[Array, Array]:
@@ -332,7 +335,8 @@ class MujocoRobot:
                 return True
             before = size
             step = np.zeros(self.size)
-            step[self.passive] = -np.linalg.lstsq(self._A[:, self.passive], error, rcond=None)[0]
+            columns = self._A[:, self.passive]
+            step[self.passive] = -np.linalg.lstsq(columns, error, rcond=None)[0]
             full[:] = self._moved(full, step)
         return bool(np.abs(self._apart(full)[0]).max(initial=0.0) < ROUNDOFF)
 
@@ -368,7 +372,9 @@ class MujocoRobot:
     def slope(self) -> Array:
         """Return X with ``q̇_passive = -X q̇_actuated`` where the loops were closed last."""
         A = self._A
-        return np.linalg.lstsq(A[:, self.passive], A[:, self.actuated], rcond=None)[0]
+        of_passive = A[:, self.passive]
+        of_actuated = A[:, self.actuated]
+        return np.linalg.lstsq(of_passive, of_actuated, rcond=None)[0]
 
     def _passive_acceleration(self, full: Array, v: Array) -> Array:
         """Return the passive accelerations that the loops demand at zero actuated acceleration."""
@@ -378,4 +384,6 @@ class MujocoRobot:
         h = 1e-3 / max(1.0, np.abs(v).max())
         steps = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
         moved = [c / h * self._apart(self._moved(full, k * h * v))[1] @ v for k, c in steps.items()]
-        return np.linalg.lstsq(self._A[:, self.passive], -np.sum(moved, 0), rcond=None)[0]
+        columns = self._A[:, self.passive]
+        total = np.sum(moved, 0)
+        return np.linalg.lstsq(columns, -total, rcond=None)[0]

@@ -176,7 +176,8 @@ class CommandedRobot:
         own = self.places.is_joint
         self.offset = np.zeros(len(own))
         self.offset[own] = joints[self.places.index[own]]
-        self.offset[~own] = [lines[tendons.index(j)] for j in compress(robot.joints, ~own)]
+        names = compress(robot.joints, ~own)
+        self.offset[~own] = [lines[tendons.index(j)] for j in names]
 
     def resized(self, sizes: Mapping[str, float]) -> CommandedRobot:
         """Return the robot with bodies of scaled mass and inertia."""
@@ -256,10 +257,13 @@ class CommandedRobot:
 
     def numbers(self) -> dict[str, Array]:
         """Return armature, damping, dry friction, offset and gains of the joints, each (n,)."""
+        armature = self.places.read(self.model, "armature")
+        damping = self.places.read(self.model, "damping")
+        friction = self.places.read(self.model, "frictionloss")
         return {
-            "Ia": self.places.read(self.model, "armature"),
-            "Fv": self.places.read(self.model, "damping"),
-            "Fc": self.places.read(self.model, "frictionloss"),
+            "Ia": armature,
+            "Fv": damping,
+            "Fc": friction,
             "off": self.offset.copy(),
             "ki": self.servo.integral,
             "kv": self.servo.kv,
@@ -362,7 +366,9 @@ class CommandedRobot:
         constant = model.actuator_biasprm[self.actuators, 0]
         load = (self.gravity(log.q[:1])[0] - constant)[own]
         ki = servo.integral[own]
-        held = -np.expm1(-ki / servo.kp[own] * (log.t[-1] - log.t[0]))
+        rates = -ki / servo.kp[own]
+        duration = log.t[-1] - log.t[0]
+        held = -np.expm1(rates * duration)
         out = np.zeros(model.na)
         out[model.actuator_actadr[self.actuators[own]]] = held * load / ki
         return out
@@ -440,7 +446,8 @@ def _first_slope(rows: int) -> Array:
 def _seen_rows(dt: float, count: int) -> int:
     """Return the odd number of rows from which a speed is estimated, for a log of some rows."""
     # The speed of a start is estimated from .05 s.
-    return min(2 * max(2, round(0.5 * 0.05 / dt)) + 1, (count - 1) // 2 * 2 + 1)
+    half = max(2, round(0.5 * 0.05 / dt))
+    return min(2 * half + 1, (count - 1) // 2 * 2 + 1)
 
 
 def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float) -> Array:
@@ -456,7 +463,8 @@ def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float
     tau = 0.5 * (log.tau[at] + log.tau[at + 1])
     first = (log.q[starts], starting_speeds(log)[starts])
     out = np.full(log.q.shape, np.nan)
-    out[starts], out[at + 1] = log.q[starts], ForwardRobot(robot, parameters).run(*first, tau, step)
+    torque_driven = ForwardRobot(robot, parameters).run(*first, tau, step)
+    out[starts], out[at + 1] = log.q[starts], torque_driven
     return out
 
 

@@ -308,5 +308,6 @@ class Campaign:
             tau = noise.on_torque(clean[self.log == k], rng, level)
             named = replace(move, t=move.t - move.t[0], name=f"motion {k + 1}")
             log = _record(self.robot, named, tau, noise, rng, derivatives=derivatives)
-            out.append(replace(log, start=float(self.move.t[np.argmax(self.log == k)])))
+            first = np.argmax(self.log == k)
+            out.append(replace(log, start=float(self.move.t[first])))
         return out

@@ -750,9 +750,9 @@ def split_sensors(robot: Robot, recordings: Recordings) -> Recordings:
     both = [joint for joint in robot.joints if robot.torque.side_of(joint) == "both"]
     if not both:
         return recordings
+    both_roles = (recordings.fitted, recordings.held_out)
     fitted, held_out = (
-        tuple(part for log in logs for part in log.split_sensors(both))
-        for logs in (recordings.fitted, recordings.held_out)
+        tuple(part for log in logs for part in log.split_sensors(both)) for logs in both_roles
     )
     return replace(recordings, fitted=fitted, held_out=held_out)
 
@@ -869,6 +869,7 @@ def gather_data(
     """Return prepared logs as data of a model, before any check."""
     every = (*prepared.fitted, *prepared.held_out)
     split = tuple(text for s in every for text in s.hints)
+    hints = (*recordings.hints, *split, *_tell_motion(how))
     data = Data(
         structure=structure,
         recordings=recordings,
@@ -876,7 +877,7 @@ def gather_data(
         samples=prepared.fitted,
         validation=prepared.held_out,
         regression=regression,
-        hints=(*recordings.hints, *split, *_tell_motion(how)),
+        hints=hints,
     )
     if data.silence:
         return replace(data, validation=())
@@ -926,12 +927,13 @@ def check_logs(data: Data, reading: Reading | None) -> Data:
     reading = None if odd.misread else reading  # misread positions explain the torque
     key = "alternative" if holds else "question"
     said = () if reading is None else (Finding(key, text=reading.statement),)
+    remarks = (*said, *odd.hints, *hints)
     return replace(
         data,
         reading=reading,
         explained=odd.explains or holds,
         misread=MISREAD if odd.misread else "",
-        hints=(*said, *odd.hints, *hints),
+        hints=remarks,
     )
 
 
@@ -968,7 +970,8 @@ def is_another_unit(share: Share) -> bool:
     No motor constant is so wrong. It is a unit, and the file's masses may contradict the model's
     choice of the joint that has it.
     """
-    return share.term.group.family == TorqueScale.name and bool((np.abs(share.value) > 1.0).any())
+    scales = share.term.group.family == TorqueScale.name
+    return scales and bool((np.abs(share.value) > 1.0).any())
 
 
 def ask_for_unit(share: Share) -> Finding:
@@ -1008,10 +1011,8 @@ def apply_to_logs(reading: Reading, recordings: Recordings, structure: Structure
     carried = CarriedReading.of(reading, structure)
     if reading.keeps_columns and not weighs:
         return replace(recordings, reading=carried)
-    fitted, held_out = (
-        tuple(reading.read(log, structure) for log in logs)
-        for logs in (recordings.fitted, recordings.held_out)
-    )
+    both_roles = (recordings.fitted, recordings.held_out)
+    fitted, held_out = (tuple(reading.read(log, structure) for log in logs) for logs in both_roles)
     return replace(recordings, fitted=fitted, held_out=held_out, reading=carried)
 
 
@@ -1036,18 +1037,16 @@ def add_instruments(
     if kind == "ls" or any(s.instrument is not None for s in samples):
         return samples
     always = kind == "iv"
-    found = [
-        None if s.long else add_instrument(robot, log, s, always=always)
-        for log, s in zip(logs, samples, strict=True)
-    ]
+    pairs = zip(logs, samples, strict=True)
+    found = [None if s.long else add_instrument(robot, log, s, always=always) for log, s in pairs]
     if always and None in found:
         raise LogError(Finding("instrument.none", logs[found.index(None)].name))
     if any(s.long for s in samples) or not any(found):
         return samples
     note = "it has no second record of its motion, and is fitted as by least squares"
+    pairs_found = zip(found, samples, strict=True)
     return tuple(
-        s or replace(x, instrument=x.motion, notes=(*x.notes, note))
-        for s, x in zip(found, samples, strict=True)
+        s or replace(x, instrument=x.motion, notes=(*x.notes, note)) for s, x in pairs_found
     )
 
 

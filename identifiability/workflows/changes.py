@@ -126,7 +126,8 @@ class FeltTorque:
     def of(found: Differences, columns: np.ndarray, sizes: Array, spread: Array) -> FeltTorque:
         """Return the torque of some columns (q,) of sizes (q,) with a covariance (q, q)."""
         seen = found.missing.seen
-        acting = np.array(found.columns[int(columns[0])][0].logs)[seen.log] != 0
+        pattern = found.columns[int(columns[0])][0]
+        acting = np.array(pattern.logs)[seen.log] != 0
         out = FeltTorque()
         for j, joint in enumerate(seen.robot.joints):
             rows = acting & seen.data[:, j]
@@ -140,12 +141,15 @@ class FeltTorque:
             if out.joint and not rms > abs(out.rms):
                 continue
             slope = gram @ sizes / rms if rms > 0 else np.zeros(len(sizes))
-            before = float(np.sqrt(np.mean(seen.raw[seen.data[:, j], j] ** 2)))
+            squares = np.mean(seen.raw[seen.data[:, j], j] ** 2)
+            before = float(np.sqrt(squares))
+            signed = float(np.copysign(rms, sizes[0]))
+            error = float(np.sqrt(slope @ spread @ slope))
             out = FeltTorque(
                 joint=joint,
                 unit=seen.robot.torque_units[j],
-                rms=float(np.copysign(rms, sizes[0])),
-                sd=float(np.sqrt(slope @ spread @ slope)),
+                rms=signed,
+                sd=error,
                 before=before,
             )
         return out
@@ -430,6 +434,9 @@ def _measure_change(
             share = felt.rms / friction, felt.sd / friction
         _, called, units = zip(*(found.columns[n] for n in own.tolist()), strict=True)
         title = first.title if len(families) == 1 else first.kind
+        duration = longest if first.pattern == WARM else np.nan
+        errors = np.sqrt(np.diag(spread))
+        odds = max(terms[k].odds for k in which)
         return Change(
             kind=first.kind if first.pattern else "missing",
             family=first.family.name,
@@ -437,19 +444,20 @@ def _measure_change(
             place=place,
             log=first.odd(names),
             since=first.since(names),
-            seconds=longest if first.pattern == WARM else np.nan,
+            seconds=duration,
             names=called,
             units=units,
             sizes=sizes,
-            sd=np.sqrt(np.diag(spread)),
+            sd=errors,
             share=share[0],
             share_sd=share[1],
             felt=felt,
-            odds=max(terms[k].odds for k in which),
+            odds=odds,
         )
 
     seen = found.missing.seen
-    longest = max(float(np.ptp(seen.t[seen.log == k])) for k in np.unique(seen.log))
+    logs = np.unique(seen.log)
+    longest = max(float(np.ptp(seen.t[seen.log == k])) for k in logs)
     owners = np.array([found.columns[n][0].place for n in columns.tolist()])
     change = measure(np.arange(len(at)), place)
     places = list(dict.fromkeys(owners.tolist()))
@@ -509,11 +517,13 @@ def _with_companions(
     taken = {t.key for t in terms}
     for group in found.groups:
         other = found.candidate_of(group)
-        alike = (other.kind, other.pattern, group.place) == (
+        other_place = (other.kind, other.pattern, group.place)
+        own_place = (
             own.kind,
             own.pattern,
             first.group.place,
         )
+        alike = other_place == own_place
         if alike and group.key not in taken:
             at.append(len(out))
             out = (*out, replace(first, group=group, member=0))
@@ -571,6 +581,7 @@ def list_unchanged(
         least = found.model.least_named(terms, group, unit_change)
         sizes = unit_change * (least if np.isfinite(least) else 0.0)
         felt = FeltTorque.of(found, columns, sizes, np.zeros((len(sizes), len(sizes))))
+        share = least / level if level > 0 else np.nan
         out.append(
             Unchanged(
                 kind=first.kind,
@@ -580,7 +591,7 @@ def list_unchanged(
                 name=name,
                 unit=unit,
                 least=least,
-                share=least / level if level > 0 else np.nan,
+                share=share,
                 felt=felt,
             )
         )

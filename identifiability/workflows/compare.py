@@ -129,14 +129,17 @@ class Comparison(OfStructure, Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
         own = ["statement", "before", "after"]
+        named = {name: getattr(self, name) for name in own}
+        changes = [_change_record(c) for c in self.changes]
+        unchanged = [_unchanged_record(x) for x in self.unchanged]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
             "model": self.submodel.name,
-            **{name: getattr(self, name) for name in own},
+            **named,
             "changed": bool(self.changes),
-            "changes": [_change_record(c) for c in self.changes],
-            "unchanged": [_unchanged_record(x) for x in self.unchanged],
+            "changes": changes,
+            "unchanged": unchanged,
         }
 
 
@@ -144,10 +147,14 @@ def _change_record(change: Change) -> dict[str, Any]:
     """Return a change with its numbers, the torque of it, and competing hypotheses."""
     size, sd = change.relative
     columns = (change.names, change.units, change.sizes, change.sd)
+    rows = zip(*columns, strict=True)
     numbers = [
         {"name": name, "unit": unit, "change": x, "low": x - REACH * s, "high": x + REACH * s}
-        for name, unit, x, s in zip(*columns, strict=True)
+        for name, unit, x, s in rows
     ]
+    sessions = [_interval(*point.relative) for point in change.course]
+    torque = {**_interval(change.felt.rms, change.felt.sd), **_joint_of(change.felt)}
+    parts = [_change_record(part) for part in change.parts]
     return {
         "what": change.what,
         "kind": change.kind,
@@ -155,18 +162,19 @@ def _change_record(change: Change) -> dict[str, Any]:
         "log": change.log,
         "since": change.since,
         "within_seconds": change.seconds if change.within else None,
-        "sessions": [_interval(*point.relative) for point in change.course],
+        "sessions": sessions,
         "log_odds": change.odds,
         "share": _interval(size, sd),
-        "torque": {**_interval(change.felt.rms, change.felt.sd), **_joint_of(change.felt)},
+        "torque": torque,
         "numbers": numbers,
-        "parts": [_change_record(part) for part in change.parts],
+        "parts": parts,
         "or": [_change_record(other) for other in change.alternatives],
     }
 
 
 def _unchanged_record(number: Unchanged) -> dict[str, Any]:
     """Return a number that did not change, with the least change that would be named."""
+    felt = {"size": number.felt.rms, **_joint_of(number.felt)}
     return {
         "what": number.what,
         "kind": number.kind,
@@ -175,7 +183,7 @@ def _unchanged_record(number: Unchanged) -> dict[str, Any]:
         "unit": number.unit,
         "seen_from": number.least,
         "seen_from_share": number.relative,
-        "seen_from_torque": {"size": number.felt.rms, **_joint_of(number.felt)},
+        "seen_from_torque": felt,
     }
 
 

@@ -232,13 +232,14 @@ class Record:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the log for JSON, with None for unknown entries."""
+        joints = self.joints.to_dict("records")
         return {
             "name": self.path or self.name,
             **self.clock,
             "sha256": self.sha256,
             "channels": list(self.channels),
             "notes": list(self.notes),
-            "joints": self.joints.to_dict("records"),
+            "joints": joints,
         }
 
 
@@ -247,13 +248,16 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
     windows = [joint_log(robot, window) for _, window in log.windows()]
     gaps = Gaps.of(log.name, log.clock, [w.t for w in windows])
     t, q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("t", "q", "tau"))
+    noise = np.median([noise_level(w.q) for w in windows], axis=0)
+    torque_noise = np.median([noise_level(w.tau) for w in windows], axis=0)
+    spectrum = Spectrum.of([w.q for w in windows], gaps.step)
     joints = {
         **_describe_range(robot, q),
         "torque_low": tau.min(0),
         "torque_high": tau.max(0),
-        "noise": np.median([noise_level(w.q) for w in windows], axis=0),
-        "torque_noise": np.median([noise_level(w.tau) for w in windows], axis=0),
-        "bandwidth": Spectrum.of([w.q for w in windows], gaps.step).bandwidths(),
+        "noise": noise,
+        "torque_noise": torque_noise,
+        "bandwidth": spectrum.bandwidths(),
         **_describe_use(robot, log, prepared),
     }
     clock = {**_describe_clock(log, gaps, prepared), "parts": len(windows)}
@@ -276,14 +280,16 @@ def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
     """Return samples and steps of a log, and how many samples are used."""
     clock = log.clock
     survey = prepared.survey
+    duration = float(clock.last - clock.first)
+    lost = int(gaps.lost.sum())
     return {
         "samples": len(log),
         "start": float(clock.first),
-        "duration": float(clock.last - clock.first),
+        "duration": duration,
         "rate": 1.0 / gaps.step,
         "jitter": gaps.usual,
         "gaps": len(gaps),
-        "lost": int(gaps.lost.sum()),
+        "lost": lost,
         "longest": float(clock.longest),
         "cutoff": prepared.cutoff,
         "kept": survey.kept,
@@ -294,13 +300,14 @@ def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
 def _describe_range(robot: Robot, q: Array) -> dict[str, Any]:
     """Return the range of each joint, the share of its limits, and the units of its columns."""
     share = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
+    limited = np.isfinite(robot.limits).all(1)
     return {
         "joint": robot.joints,
         "unit": robot.position_units,
         "torque_unit": robot.torque_units,
         "low": q.min(0),
         "high": q.max(0),
-        "room": np.where(np.isfinite(robot.limits).all(1), share, np.nan),
+        "room": np.where(limited, share, np.nan),
     }
 
 
@@ -361,6 +368,8 @@ class Inspection(OfStructure, Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the result in its documented JSON schema."""
         robot = self.robot
+        instead = list(required_columns(self.motors)) if self.motors else []
+        optional = [f"{j}.{kind}" for j in robot.motor_joints for kind in ("dq", "ddq")]
         return {
             "schema": self.schema,
             "robot": {
@@ -373,8 +382,8 @@ class Inspection(OfStructure, Result):
             "motors": list(self.motors),
             "columns": {
                 "required": list(self.columns),
-                "instead": list(required_columns(self.motors)) if self.motors else [],
-                "optional": [f"{j}.{kind}" for j in robot.motor_joints for kind in ("dq", "ddq")],
+                "instead": instead,
+                "optional": optional,
             },
             "model": list(self.effects),
             "parameters": self.base.to_frame().to_dict("records"),
@@ -451,11 +460,13 @@ def _describe_robot(case: Case, model: ModelLike | None) -> Inspection:
     robot = case.robot
     default = ladder_model(case.ladder(beside=True).entry)
     chosen = default if model is None else choose_model(model, ())
+    structure = case.stages.once(Structure.of, robot, chosen)
+    provenance = state_provenance(robot, (), 0)
     return Inspection(
-        structure=case.stages.once(Structure.of, robot, chosen),
+        structure=structure,
         joints=describe_joints(robot),
         needs=find_needs(robot),
-        provenance=state_provenance(robot, (), 0),
+        provenance=provenance,
         preparation=case.preparation or Preparation(),
     )
 
@@ -473,11 +484,13 @@ def _with_logs(found: Inspection, case: Case, run: Run) -> Inspection:
     count = len(recordings.fitted)
     held_out = [replace(record, held_out=True) for record in records[count:]]
     hashes = {f"sha256 {log.path or log.name}": log.sha256 for log in logged}
+    hints = dict.fromkeys(data.hints)
+    provenance = {**found.provenance, **hashes}
     return replace(
         found,
         records=(*records[:count], *held_out),
-        hints=tuple(dict.fromkeys(data.hints)),
-        provenance={**found.provenance, **hashes},
+        hints=tuple(hints),
+        provenance=provenance,
     )
 
 

@@ -111,9 +111,8 @@ def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
     out = covariance[:, at]
     for term, weight, _ in found.model.alternatives(terms):
         other, wider = (x[at] for x in found.solve((*terms, term)))
-        out = out + weight * (
-            np.outer(other - value, other - value) + wider[:, at] - covariance[:, at]
-        )
+        moved = np.outer(other - value, other - value) + wider[:, at]
+        out = out + weight * (moved - covariance[:, at])
     return value, out
 
 
@@ -128,14 +127,17 @@ def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
     size = np.sqrt(np.maximum(square[~open_], np.finfo(float).tiny))
     told = turn[:, ~open_] * size / scale[:, None]
     unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
+    root = (turn[:, ~open_] / size).T * scale
+    lacks = tuple(describe_term(t) for t in terms if not found.whose(t).pattern)
+    torque = DifferentTorque.of(found, terms, 1)
     return LoadEstimate(
         theta=theta,
         covariance=told @ told.T,
-        root=(turn[:, ~open_] / size).T * scale,
+        root=root,
         unknown=unknown,
-        lacks=tuple(describe_term(t) for t in terms if not found.whose(t).pattern),
+        lacks=lacks,
         changes=list_log_changes(found, terms, names),
-        torque=DifferentTorque.of(found, terms, 1),
+        torque=torque,
     )
 
 
@@ -175,7 +177,8 @@ def choose_weight(found: Differences, body: str) -> tuple[Differences, list[Find
     if not any(weighs):
         return usual, []
     # The weight acts through the first four parameters of a load.
-    weight = np.pad(np.eye(len(weighs))[:, weighs], ((0, 0), (0, 6)))
+    unit = np.eye(len(weighs))
+    weight = np.pad(unit[:, weighs], ((0, 0), (0, 6)))
     has_weight = bool(found.missing.seen.robot.gravity.any())
     unusual = found.having((load - weight if has_weight else load + weight)[:, ORDER])
     odds = _log_evidence(unusual.model, ()) - _log_evidence(usual.model, ())
@@ -250,11 +253,13 @@ class Quantity:
 def nearest_body(found: LoadEstimate) -> Array:
     """Return the parameters (10,) of the physically consistent body nearest to an estimate."""
     # Assumed radius of gyration of an unknown load [m].
+    bodies = np.arange(10)[None]
+    masses = np.array([max(abs(found.theta[9]), LIGHTEST)])
     region = PhysicalSet(
-        bodies=np.arange(10)[None],
+        bodies=bodies,
         nonnegative=np.zeros(10, bool),
         names=("load",),
-        mass=np.array([max(abs(found.theta[9]), LIGHTEST)]),
+        mass=masses,
         length=np.array([0.1]),
     )
     data = LeastSquares(found.root, found.root @ found.theta, 1.0, 1.0)
@@ -487,19 +492,23 @@ class Load(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the load in the documented JSON schema."""
         own = ["model", "body", "statement", "logs", "without", "caveats"]
+        quantities = [{**asdict(q), "told": q.told} for q in self.quantities]
+        as_measured = [{**asdict(q), "told": q.told} for q in self.as_measured]
+        estimate = dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True))
+        gains = [{**asdict(g), "told": g.told} for g in self.gains]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
             **{name: getattr(self, name) for name in own},
-            "quantities": [{**asdict(q), "told": q.told} for q in self.quantities],
-            "as_measured": [{**asdict(q), "told": q.told} for q in self.as_measured],
+            "quantities": quantities,
+            "as_measured": as_measured,
             "torque_scale": asdict(self.scale),
             "parameters": dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True)),
-            "estimate": dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True)),
+            "estimate": estimate,
             "covariance": self.estimate.covariance.tolist(),
             "order": list(GROUPED_KINDS),
             "friction_changed": [c.place for c in self.estimate.changes if c.kind == "friction"],
-            "gains": [{**asdict(g), "told": g.told} for g in self.gains],
+            "gains": gains,
         }
 
 
@@ -568,12 +577,14 @@ def payload(
         numbers = _state_load(found, sides, structure, scale)
         if mass is not None:
             numbers["gains"] = find_gains(differences, load.parameters(numbers["parameters"]))
+    model = fit.submodel.name if fit else full_model(structure.base).name
+    remarks_once = dict.fromkeys([*remarks, *hints])
     return Load(
         robot=case.robot,
         body=place,
-        model=fit.submodel.name if fit else full_model(structure.base).name,
+        model=model,
         known=mass,
-        hints=tuple(dict.fromkeys([*remarks, *hints])),
+        hints=tuple(remarks_once),
         origin=fit.origin if fit else "EMPTY.csv",
         **numbers,
     )
@@ -588,14 +599,16 @@ def _state_load(
     nearest = nearest_body(estimate)
     bodies = draw_bodies(structure)[0][structure.inertial]
     length = float(np.median(natural_scale(bodies)[1]))
+    quantities = state_quantities(estimate, nearest / scale.factor, length, scale)
+    as_measured = state_quantities(estimate, nearest, length, UNSCALED)
     return {
         "logs": loaded,
         "without": unloaded,
         "motion": sides.samples[0].motion,
         "estimate": estimate,
         "parameters": nearest / scale.factor,
-        "quantities": state_quantities(estimate, nearest / scale.factor, length, scale),
-        "as_measured": state_quantities(estimate, nearest, length, UNSCALED),
+        "quantities": quantities,
+        "as_measured": as_measured,
         "scale": scale,
     }
 

@@ -217,6 +217,12 @@ class TorquePrediction(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return errors and shares in the documented JSON schema; samples go to `write`."""
+        joints = self.error_frame().to_dict("records")
+        logs = [
+            {"log": name, "error": float(self.errors.relative_error(k)[0])}
+            for k, name in enumerate(self.logs)
+        ]
+        preparation = {name: list(notes) for name, notes in self.notes.items()}
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -225,12 +231,9 @@ class TorquePrediction(Result):
             "samples": len(self.t),
             "error_ra": self.error_ra,
             "error_ra_raw": self.error_ra_raw,
-            "joints": self.error_frame().to_dict("records"),
-            "logs": [
-                {"log": name, "error": float(self.errors.relative_error(k)[0])}
-                for k, name in enumerate(self.logs)
-            ],
-            "preparation": {name: list(notes) for name, notes in self.notes.items()},
+            "joints": joints,
+            "logs": logs,
+            "preparation": preparation,
         }
 
     def write(self, path: str | Path) -> Path:
@@ -443,17 +446,20 @@ class Fit(Keyed, Predicts):
     def to_dict(self) -> dict[str, Any]:
         """Return the entries that `read_fit` reads, as plain values."""
         entry = model_entry(self.submodel, self.structure)
+        model = entry.model_dump(by_alias=True, exclude_none=True)
+        units = list(self.submodel.units)
+        preparation = {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)}
         told = {
-            "model": entry.model_dump(by_alias=True, exclude_none=True),
+            "model": model,
             "names": list(self.names),
-            "units": list(self.submodel.units),
+            "units": units,
             "values": self.values,
             **asdict(self.spread),
             "base_covariance": self.base_covariance,
             "base_unknown": self.base_unknown,
             "alternatives": self.alternatives,
             "servo": dict(self.servo),
-            "preparation": {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)},
+            "preparation": preparation,
         }
         if self.reading is not None:
             told |= {"reading": self.reading.to_dict()}
@@ -568,8 +574,9 @@ def _predict_rows(fit: Fit, chunk: Chunk, measured: bool) -> dict[str, np.ndarra
     """Return predicted and measured torque of some rows, as a `TorquePrediction` names them."""
     sensed = 1.0 if measured else np.nan
     mean, low, new = fit.spread.reach(chunk.W @ fit.submodel.M)
+    log = np.full(len(chunk.t), chunk.log)
     return {
-        "log": np.full(len(chunk.t), chunk.log),
+        "log": log,
         "t": chunk.t.copy(),
         "tau": sensed * chunk.tau,
         "raw": sensed * chunk.raw,
@@ -753,13 +760,16 @@ def _rebuild_fit(entry: FitEntry, structure: Structure, submodel: Submodel) -> F
     b = len(structure.base)
     noise = {name: np.reshape(getattr(entry, name), (n,)) for name in ("low", "raw", "dof")}
     covariance = np.reshape(entry.covariance, (k, k))
+    values = np.reshape(entry.values, (k,))
+    spread = TorqueUncertainty(covariance=covariance, unknown=_tall(entry.unknown, k), **noise)
+    base_covariance = np.reshape(entry.base_covariance, (b, b))
     return Fit(
         structure=structure,
         submodel=submodel,
-        values=np.reshape(entry.values, (k,)),
-        spread=TorqueUncertainty(covariance=covariance, unknown=_tall(entry.unknown, k), **noise),
+        values=values,
+        spread=spread,
         preparation=entry.preparation,
-        base_covariance=np.reshape(entry.base_covariance, (b, b)),
+        base_covariance=base_covariance,
         base_unknown=_tall(entry.base_unknown, b),
         alternatives=np.array(entry.alternatives),
         servo=entry.servo,
@@ -983,7 +993,8 @@ class PositionPrediction(Result):
         """
         parts = []
         for k, log in enumerate(self.logs):
-            found = [("q", log.q), *((run.name, run.q[k]) for run in self.runs)]
+            simulated = ((run.name, run.q[k]) for run in self.runs)
+            found = [("q", log.q), *simulated]
             columns: dict[str, Any] = {"log": log.name, "t": log.t}
             for i, joint in enumerate(log.joints):
                 columns |= {f"{joint}.{name}": q[:, i] for name, q in found}
@@ -997,14 +1008,15 @@ class PositionPrediction(Result):
             joints = pd.DataFrame({"error": run.errors}, self.robot.joints).to_dict("index")
             found: dict[str, Any] = {"robot": run.name, "delays": list(run.delays)}
             rollouts.append({**found, "error": error, "joints": joints})
+        logs = [
+            {"name": log.path or log.name, "samples": len(log), "sha256": log.sha256}
+            for log in self.logs
+        ]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
             "statement": self.statement,
-            "logs": [
-                {"name": log.path or log.name, "samples": len(log), "sha256": log.sha256}
-                for log in self.logs
-            ],
+            "logs": logs,
             "window": WINDOW,
             "rollouts": rollouts,
         }
@@ -1029,13 +1041,17 @@ class PositionPrediction(Result):
         """Return the prediction for the JSON of the fitted robot's result."""
         servo, (file, own, *_) = self.robot.servo, self.totals.tolist()
         gains = servo.by_joint(self.robot.joints) if servo and servo.source == FOUND else {}
+        names = [log.name for log in self.logs]
+        delays = list(self.runs[1].delays)
+        error = own if np.isfinite(own) else None
+        error_file = file if np.isfinite(file) else None
         return {
             "statement": self.told,
-            "logs": [log.name for log in self.logs],
+            "logs": names,
             "unseen": self.unseen,
-            "delays": list(self.runs[1].delays),
-            "error": own if np.isfinite(own) else None,
-            "error_file": file if np.isfinite(file) else None,
+            "delays": delays,
+            "error": error,
+            "error_file": error_file,
             **({"gains": gains} if gains else {}),
         }
 
@@ -1058,10 +1074,8 @@ def move_fitted(
     beside : bool
         Whether a robot without the named effects is moved as well.
     """
-    unseen, fitted = (
-        tuple(x.select(robot.joints) for x in own if of_commands(x))
-        for own in (logs.held_out, logs.fitted)
-    )
+    both = (logs.held_out, logs.fitted)
+    unseen, fitted = (tuple(x.select(robot.joints) for x in own if of_commands(x)) for own in both)
     own = unseen or fitted
     if not (own and values):
         return None

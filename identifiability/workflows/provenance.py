@@ -33,14 +33,16 @@ def state_provenance(
         out["sidecar"] = robot.sidecar.name
         out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
     masses = (f"{', '.join(b.bodies)}: {b.mass}" for b in robot.bounds if b.mass is not None)
+    known_torque = (k.text for k in robot.known_torque)
+    locked = (f"{name} = {at:g}" for name, at in robot.locked.items())
     conventions = {
         "known masses": "; ".join(masses),
         "columns": robot.columns.text,
         "time unit": robot.time_unit,
         "torque": robot.torque.text,
-        "known torque": "; ".join(k.text for k in robot.known_torque),
+        "known torque": "; ".join(known_torque),
         "angles": robot.angles,
-        "locked": ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items()),
+        "locked": ", ".join(locked),
     }
     out |= {name: text for name, text in conventions.items() if text}
     if source is not None:

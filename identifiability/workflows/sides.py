@@ -144,13 +144,15 @@ def list_patterns(logs: int, later: int, single: int) -> list[Array]:
         How many there are, how many of the first may have changed together, and how many alone.
     """
     asked = (np.arange(logs) < later).astype(float)
-    return [asked, *(x for x in np.eye(logs)[:single] if np.ptp(np.abs(x - asked)))]
+    singles = np.eye(logs)[:single]
+    return [asked, *(x for x in singles if np.ptp(np.abs(x - asked)))]
 
 
 def list_sessions(logs: int, later: int) -> list[Array]:
     """Return these patterns, and changes that stay since one of the later logs."""
     order = np.arange(logs)
-    since = [((first <= order) & (order < later)).astype(float) for first in range(1, later - 1)]
+    starts = range(1, later - 1)
+    since = [((first <= order) & (order < later)).astype(float) for first in starts]
     return [*list_patterns(logs, later, logs), *since]
 
 

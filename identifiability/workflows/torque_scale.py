@@ -120,7 +120,8 @@ def _gravity_sizes(structure: Structure, motions: Sequence[Motion]) -> Array:
     pose = complete_motion(structure.robot, np.arange(len(q), dtype=float), q, still, still)
     W = structure.model.regressor(structure.robot, pose)[:, :, structure.base.kept]
     inertial = [name.rpartition(".")[2] in INERTIAL_KINDS for name in structure.base.names]
-    return np.where(inertial, np.sqrt(np.mean(W**2, axis=(0, 1))), 0.0)
+    squares = np.mean(W**2, axis=(0, 1))
+    return np.where(inertial, np.sqrt(squares), 0.0)
 
 
 def compare_gravity(fitted: Array, covariance: Array, stated: Array, errors: Array) -> TorqueScale:
@@ -140,13 +141,15 @@ def compare_gravity(fitted: Array, covariance: Array, stated: Array, errors: Arr
     error, other = np.meshgrid(FILE_ERRORS, FILE_ERRORS, indexing="ij")
     log_prior = np.repeat(LOG_PRIOR, len(FILE_ERRORS))
     apart = np.eye(len(stated)) / len(stated)
-    size, axes = np.linalg.eigh(
-        covariance + error.reshape(-1, 1, 1) ** 2 * errors + other.reshape(-1, 1, 1) ** 2 * apart
-    )
+    of_errors = error.reshape(-1, 1, 1) ** 2
+    of_others = other.reshape(-1, 1, 1) ** 2 * apart
+    size, axes = np.linalg.eigh(covariance + of_errors * errors + of_others)
     towards, seen = stated @ axes, fitted @ axes
     variance = 1.0 / np.sum(towards**2 / size, axis=1)
     best = variance * np.sum(towards * seen / size, axis=1)
-    rest = np.sum((seen - best[:, None] * towards) ** 2 / size + np.log(size), axis=1)
+    expected = best[:, None] * towards
+    squares = (seen - expected) ** 2
+    rest = np.sum(squares / size + np.log(size), axis=1)
     off = (np.exp(FACTORS) - best[:, None]) ** 2 / variance[:, None]
     likely = log_prior - 0.5 * rest
     log_density = likely[:, None] - 0.5 * (off + (FACTORS / RULES.constants_within) ** 2)

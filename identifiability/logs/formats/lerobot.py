@@ -183,7 +183,9 @@ def _times(given: Any, info: Mapping[str, Any]) -> Array:
     fps = info.get("fps")
     if isinstance(fps, (int, float)) and 0 < fps <= 1.0 / RULES.steps[0]:
         even = np.round(t * fps) / fps
-        if np.all(np.abs(t - even) <= np.spacing(np.abs(t).astype(np.float32))):
+        differences = np.abs(t - even)
+        times = np.abs(t).astype(np.float32)
+        if np.all(differences <= np.spacing(times)):
             return even
     return t
 

@@ -77,7 +77,8 @@ def stands_still(surveys: Sequence[Survey]) -> Array:
     low = np.min([s.low for s in surveys], axis=0)
     high = np.max([s.high for s in surveys], axis=0)
     # The joints of a base have position zero for any motion of the base.
-    based = (low[0] == 0.0) & (high[0] == 0.0) & ~never_moves(low[2], high[2])
+    at_zero = (low[0] == 0.0) & (high[0] == 0.0)
+    based = at_zero & ~never_moves(low[2], high[2])
     still: Array = never_moves(low[0], high[0]) & ~based
     return still
 
@@ -179,7 +180,8 @@ class Piece:
         """
         weight = self.weight[self.at] if joints is None else self.weight[self.at][:, joints]
         if not (weight == 1).all():
-            x *= np.sqrt(weight).reshape(*weight.shape, *(1,) * (x.ndim - weight.ndim))
+            axes = (1,) * (x.ndim - weight.ndim)
+            x *= np.sqrt(weight).reshape(*weight.shape, *axes)
         return x
 
     @property
@@ -278,7 +280,8 @@ class Dataset:
         parts = []
         for a, b in divide_rows(len(kept)):
             part = self.take(slice(max(0, a - reach), b + reach))
-            parts.append(replace(part, own=(int(kept[a]), int(kept[b - 1]) + 1)))
+            stop = int(kept[b - 1]) + 1
+            parts.append(replace(part, own=(int(kept[a]), stop)))
         return parts
 
     @property
@@ -354,14 +357,17 @@ class Dataset:
         low, high = np.stack(ends, 1)
         ranges = [find_range(x) for x in (m.actuated_q, m.actuated_v, m.actuated_a)]
         start, stop = (m.t[0], m.t[-1]) if len(m) else (np.nan, np.nan)
+        low_ends = np.stack([low for low, _ in ranges])
+        high_ends = np.stack([high for _, high in ranges])
+        torque_range = np.stack([low.min(0), high.max(0)])
         return Survey(
             kept=len(m),
             outputs=self.outputs,
             start=float(start),
             stop=float(stop),
-            low=np.stack([low for low, _ in ranges]),
-            high=np.stack([high for _, high in ranges]),
-            torque_range=np.stack([low.min(0), high.max(0)]),
+            low=low_ends,
+            high=high_ends,
+            torque_range=torque_range,
             rows=rows,
         )
 
@@ -483,16 +489,18 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
         breaks = plan.grid.breaks
         motion = motion[left]
     places = {k: getattr(motion, k) + own[0] for k in ("kept", "dropped", "near_singular")}
+    moved = replace(motion, **places, start=log.start)
+    lost = int((~left).sum())
     return Dataset(
         log.name,
-        replace(motion, **places, start=log.start),
+        moved,
         tau[left],
         plan.decimation,
         (),
         log.sha256,
         cutoff=plan.cutoff,
         band=plan.band,
-        lost=int((~left).sum()),
+        lost=lost,
         breaks=breaks,
         hints=plan.hints,
         path=log.path,
@@ -634,6 +642,7 @@ def prepare_log(
         plan = replace(plan, factor=plan.factor - 1)
         found = replace(found, decimation=plan.decimation)
     if plan.decimation is not None:
+        rate = 1.0 / (plan.step * plan.factor)
         notes.append(
             Finding(
                 "decimated",
@@ -641,7 +650,7 @@ def prepare_log(
                 rows=len(log),
                 columns=("all",),
                 factor=plan.factor,
-                rate=1.0 / (plan.step * plan.factor),
+                rate=rate,
             )
         )
     return replace(found, notes=tuple(notes))

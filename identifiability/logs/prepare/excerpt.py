@@ -94,13 +94,16 @@ def share_motion(log: Log, length: int, most: int) -> list[tuple[int, int]]:
 def _tell_windows(log: Log, windows: Sequence[tuple[int, int]]) -> Finding:
     """Return the finding that says which windows of a long log are looked at."""
     start, stop = windows[0]
+    seconds = float(log.t[stop - 1] - log.t[start])
+    hours = (log.clock.last - log.clock.first) / 3600.0
+    where = ", ".join(f"{log.t[a]:.0f}" for a, _ in windows)
     return Finding(
         "excerpt",
         log.name,
         count=len(windows),
-        seconds=float(log.t[stop - 1] - log.t[start]),
-        hours=(log.clock.last - log.clock.first) / 3600.0,
-        where=", ".join(f"{log.t[a]:.0f}" for a, _ in windows),
+        seconds=seconds,
+        hours=hours,
+        where=where,
     )
 
 
@@ -159,7 +162,8 @@ def thin(samples: Dataset, most: int = MOST_SAMPLES) -> Dataset:
 
 def spread(samples: int, length: int, most: int) -> list[tuple[int, int]]:
     """Return at most `most` evenly spaced stretches (start, stop) of a length."""
-    starts = np.linspace(0, samples - length, max(1, min(most, samples // length))).astype(int)
+    possible = min(most, samples // length)
+    starts = np.linspace(0, samples - length, max(1, possible)).astype(int)
     return [(int(s), int(s) + length) for s in starts]
 
 

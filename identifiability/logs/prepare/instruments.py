@@ -122,5 +122,7 @@ def noise_again(log: Log, rng: np.random.Generator) -> Log:
     dq, ddq = (None if x is None else more(x) for x in (log.dq, log.ddq))
     base = log.base
     if base is not None:
-        base = np.column_stack([more(base[:, : UP.start]), base[:, UP.start :]])
+        filtered = base[:, : UP.start]
+        unfiltered = base[:, UP.start :]
+        base = np.column_stack([more(filtered), unfiltered])
     return replace(log, q=more(log.q), dq=dq, ddq=ddq, base=base)

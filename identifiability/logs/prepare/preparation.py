@@ -204,12 +204,15 @@ class Stays:
         q, dq, ddq = map(np.concatenate, zip(*parts, strict=True))
         creep = RULES.creep * np.abs(dq).max(0)
         moving = np.where(np.abs(dq) > creep, np.abs(ddq), np.nan)
-        never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
+        constant = signals.never_moves(q.min(0), q.max(0))
+        never = constant | np.isnan(moving).all(0)
         typical = np.full(len(never), np.inf)  # of a Gaussian the median is .67 of its spread
         typical[~never] = np.nanmedian(moving[:, ~never], axis=0) / 0.6745
         typical = np.where(typical > 0, typical, np.inf)
         # Number of halvings of the speed at rest; noise of the record hides slower ones.
-        creep = np.maximum(creep / 2.0 ** np.arange(6)[:, None], 4.0 * plan.speed_noise(windows))
+        halvings = 2.0 ** np.arange(6)[:, None]
+        floor = 4.0 * plan.speed_noise(windows)
+        creep = np.maximum(creep / halvings, floor)
         creep[:, never] = np.inf
         return Stays(plan, tuple(v for _, v, _ in parts), creep, typical, never)
 
@@ -368,7 +371,8 @@ class Plan:
             dq = log.dq
             ddq = log.ddq
         else:
-            q, (dq, ddq) = np.array(log.q), np.zeros((2, *log.q.shape))
+            q = np.array(log.q)
+            dq, ddq = np.zeros((2, *log.q.shape))
             for rows, at in self._stretches(len(log), origin):
                 x = signals.lowpass(fill(log.q[rows], at), self.step, self.cutoff)
                 if log.dq is None:
@@ -473,6 +477,7 @@ def joint_log(robot: Robot, log: Log) -> Log:
 
     q_ref = None if log.q_ref is None else gear.joint_side(log.q_ref, log.tau)[0]
     gone = log.unmeasured
+    unmeasured = None if gone is None else gone @ (gear.coupling != 0)
     changed = replace(
         log,
         joints=robot.motor_joints,
@@ -484,7 +489,7 @@ def joint_log(robot: Robot, log: Log) -> Log:
         dq_ref=rate(log.dq_ref),
         tau_ff=None,
         # Torque of a joint is the sum over its motors.
-        unmeasured=None if gone is None else gone @ (gear.coupling != 0),
+        unmeasured=unmeasured,
     )
     return _on_base(robot, changed)
 
@@ -705,9 +710,10 @@ def choose_cutoff(
     if how.keep_rest or not logs:
         return how
     bands = [fit_band(robot, log, how) or how for log in logs]  # `make_plan` refuses fitted logs
+    items = zip(logs, raw, bands, strict=True)
     stays = [
         Stays.of(_plan_motion(log, x, band), [joint_log(robot, w) for w in x.logs], x.origins)
-        for log, x, band in zip(logs, raw, bands, strict=True)
+        for log, x, band in items
     ]
     return CommonPreparation(**{**vars(how), "stands": ever_stand(stays)})
 
@@ -931,11 +937,12 @@ def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
         f"velocity and acceleration are derivatives of the {source} after a zero-phase "
         f"4th-order Butterworth low-pass at {cutoff:.3g} Hz{kept}{reason}{jitter}"
     )
+    hints = _state_own_band(log, dt, how)
     return replace(
         plan,
         step=dt,
         cutoff=cutoff,
         band=outputs,
         notes=(note,),
-        hints=_state_own_band(log, dt, how),
+        hints=hints,
     )

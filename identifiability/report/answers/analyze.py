@@ -224,7 +224,8 @@ class LadderedPresenter(PredictingPresenter):
         known = len(result.samples)
         held = range(known if result.validation else 0, len(each))
         unseen = [result.held_out.relative_error(k)[0] for k in range(len(held))]
-        logs = pd.DataFrame({"of": "log", "name": [s.path or s.name for s in each], "unit": ""})
+        names = [s.path or s.name for s in each]
+        logs = pd.DataFrame({"of": "log", "name": names, "unit": ""})
         logs["error"] = pd.Series([result.fitted.relative_error(k)[0] for k in range(known)])
         logs["error_validation"] = pd.Series(unseen, held)
         return pd.concat([pd.DataFrame(joints), logs], ignore_index=True)
@@ -238,9 +239,10 @@ class AnalysisPresenter(LadderedPresenter):
     def asked(self) -> tuple[Answer, ...]:
         """Return the recommended model, its error, its reliability, and the profiled numbers."""
         profiles = self.result.profiles
+        profiled = [answer_profiles(profiles, self.result.shapes)] if profiles else []
         return (
             *super().asked(),
-            *([answer_profiles(profiles, self.result.shapes)] if profiles else []),
+            *profiled,
         )
 
     def answer_use(self) -> Answer:
@@ -529,9 +531,10 @@ def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
     each = make_table("joints", joints.itertuples())
     if len(samples) == 1:
         return (each,)
-    logs = errors[errors["of"] == "log"].assign(
-        name=[s.name for s in samples], samples=[s.outputs for s in samples]
-    )
+    of_logs = errors[errors["of"] == "log"]
+    names = [s.name for s in samples]
+    samples_each = [s.outputs for s in samples]
+    logs = of_logs.assign(name=names, samples=samples_each)
     return each, make_table("logs", logs.itertuples())
 
 
@@ -542,7 +545,8 @@ def bar(x: float, whole: float) -> Cell:
 
 def parameter_table(result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
-    most = max((v.share for v in result.verdicts if np.isfinite(v.share)), default=0.0) or 1.0
+    shares = (v.share for v in result.verdicts if np.isfinite(v.share))
+    most = max(shares, default=0.0) or 1.0
     values = result.recommended.tolist()
     each = zip(result.verdicts, values, result.meanings, strict=True)
     table = make_table("parameters", [_parameter_row(*one, most) for one in each])
@@ -566,17 +570,21 @@ def _parameter_row(v: Verdict, used: float, meaning: str, most: float) -> dict[s
     """
     value, sigma = measured_cells(v.value, v.sigma_robust)
     limit = Thresholds().sigma_percent  # a full bar is the limit of the verdicts, or more
+    name = Cell(v.name, note=label_note(v.label))
+    usage = Cell(stated_text(used, v.sigma_robust), used, meaning)
+    share_bar = bar(100 * v.share, 100 * most)
+    verdict = Cell(v.word, v.word, v.reason, v.look)
     return {
-        "name": Cell(v.name, note=label_note(v.label)),
+        "name": name,
         "value": value,
         "sigma": sigma,
         "unit": v.unit,
         "label": bar(v.sigma_label_percent, limit),
         "bootstrap": percent_of(v.sigma_bootstrap, v.value),
-        "used": Cell(stated_text(used, v.sigma_robust), used, meaning),
-        "share": bar(100 * v.share, 100 * most),
+        "used": usage,
+        "share": share_bar,
         "rule": "✓" if v.paper_rule else "–",
-        "verdict": Cell(v.word, v.word, v.reason, v.look),
+        "verdict": verdict,
     }
 
 

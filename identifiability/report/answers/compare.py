@@ -92,7 +92,8 @@ class ComparisonPresenter(AnsweringPresenter):
         if not changed:
             return (limits,)
         table = make_table("comparison", changed)
-        filled = [any(row[k].text for row in table.rows) for k in range(len(table.columns))]
+        places = range(len(table.columns))
+        filled = [any(row[k].text for row in table.rows) for k in places]
         shown = [k for k, is_filled in enumerate(filled) if is_filled]
         columns = tuple(table.columns[k] for k in shown)
         rows = tuple(tuple(row[k] for k in shown) for row in table.rows)
@@ -202,6 +203,9 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
     rows = []
     for c in changes:
         share, share_sd = c.relative
+        torque_low = c.felt.rms - REACH * c.felt.sd
+        torque_high = c.felt.rms + REACH * c.felt.sd
+        others = "; ".join(state_alternatives(c))
         row = {
             "what": c.what,
             "kind": c.kind,
@@ -210,12 +214,12 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
             "share_low": share - REACH * share_sd,
             "share_high": share + REACH * share_sd,
             "torque": c.felt.rms,
-            "torque_low": c.felt.rms - REACH * c.felt.sd,
-            "torque_high": c.felt.rms + REACH * c.felt.sd,
+            "torque_low": torque_low,
+            "torque_high": torque_high,
             "torque_unit": c.felt.unit,
             "log_odds": c.odds,
             "logs": c.when,
-            "or": "; ".join(state_alternatives(c)),
+            "or": others,
         }
         for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True):
             low, high = size - REACH * sd, size + REACH * sd

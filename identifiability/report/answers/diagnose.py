@@ -269,7 +269,9 @@ def _answer_missing(d: Diagnosis) -> Answer:
     named = [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
     named += map(_state_effect, d.effects)
     short = f"{_capital(join(named, NAMED))}." if named else sentence(about, "nothing")
-    odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
+    of_effects = [e.odds for e in d.effects]
+    of_changes = [c.odds for c in d.changes]
+    odds = max(of_effects + of_changes, default=0.0)
     unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
     weak = unsure or not (d.included or d.problem.left_out)
     if named and weak:

@@ -98,15 +98,17 @@ class ExcitationPresenter(AnsweringPresenter):
         """Return one row a joint: its range, speed, acceleration, and their limits."""
         _, q, v, a = self.result.motion
         limits = self.result.limits
+        speed = np.abs(v).max(0)
+        acceleration = np.abs(a).max(0)
         columns = {
             "joint": limits.joints,
             "least": q.min(0),
             "largest": q.max(0),
             "lower_limit": limits.low,
             "upper_limit": limits.high,
-            "speed": np.abs(v).max(0),
+            "speed": speed,
             "speed_limit": limits.speed,
-            "acceleration": np.abs(a).max(0),
+            "acceleration": acceleration,
             "acceleration_limit": limits.acceleration,
         }
         return by_name(pd.DataFrame(columns))

@@ -33,9 +33,11 @@ class FirstAnswerPresenter(Presenter):
         about = "first_answer"
         worst = max(result.rows(), key=lambda row: row["error"])
         lengths: dict[str, Any] = {"seconds": result.seconds, "of_seconds": result.of_seconds}
+        begun = answer(about, "begun", sentence(about, "refined"), **lengths)
+        follows = answer(about, "worst", question=sentence(about, "follows"), **worst)
         return (
-            answer(about, "begun", sentence(about, "refined"), **lengths),
-            answer(about, "worst", question=sentence(about, "follows"), **worst),
+            begun,
+            follows,
         )
 
     def tables(self) -> tuple[Table, ...]:

@@ -42,9 +42,8 @@ class FleetPresenter(Presenter):
         failed = result.failed
         counts = {"count": len(result.rows) - len(failed), "size": len(result.rows)}
         short = [sentence("fleet", "count", **counts)]
-        short += [
-            sentence("fleet", "none", name=name, why=why) for name, why in [*failed.items()][:3]
-        ]
+        shown = [*failed.items()][:3]
+        short += [sentence("fleet", "none", name=name, why=why) for name, why in shown]
         tone = "amber" if failed else "green"
         told = Answer(sentence("fleet", "question"), " ".join(short), tone=tone)
         errors = {r["robot"]: r["error_unseen"] for r in result.rows}
@@ -74,11 +73,14 @@ class FleetPresenter(Presenter):
 
 def _robot_row(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return the results of a robot as one row of a table; its name leads to its page."""
+    robot = Cell(row["robot"], row["robot"], link=for_link(row["page"]))
+    held = ", ".join(row["held"]) or NONE
+    missing = "; ".join(row["missing"]) or NONE
     return {
         **row,
-        "robot": Cell(row["robot"], row["robot"], link=for_link(row["page"])),
-        "held": ", ".join(row["held"]) or NONE,
+        "robot": robot,
+        "held": held,
         "identifiable": row["verdicts"].get("identifiable"),
-        "missing": "; ".join(row["missing"]) or NONE,
+        "missing": missing,
         "warnings": len(row["warnings"]),
     }

@@ -82,7 +82,8 @@ class TorquePredictionPresenter(PredictingPresenter):
     def frame(self) -> pd.DataFrame:
         """Return one row a sample, in the columns of the logs."""
         result = self.result.as_logged
-        columns: dict[str, Any] = {"log": np.array(result.logs)[result.log], "t": result.t}
+        logs = np.array(result.logs)[result.log]
+        columns: dict[str, Any] = {"log": logs, "t": result.t}
         for k, joint in enumerate(result.robot.joints):
             for what, values in _list_samples(result, k).items():
                 columns[f"{joint}.{what}"] = values
@@ -103,13 +104,14 @@ class TorquePredictionPresenter(PredictingPresenter):
 def _list_samples(result: TorquePrediction, joint: int) -> dict[str, Any]:
     """Return the columns of one joint, sample by sample."""
     tau, raw, found = (x[:, joint] for x in (result.tau, result.raw, result.predicted))
+    weight = result.known[:, joint].astype(int)
     columns: dict[str, Any] = {
         "tau": tau,
         "tau_raw": raw,
         "predicted": found,
         "residual": tau - found,
         "residual_raw": raw - found,
-        "weight": result.known[:, joint].astype(int),
+        "weight": weight,
     }
     halves = {"mean_": result.mean, "": result.low, "raw_": result.new}
     for name, half in halves.items():

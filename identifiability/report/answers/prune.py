@@ -51,10 +51,11 @@ class LadderPresenter(LadderedPresenter):
         if len(chosen) == size:
             text = sentence(about, "all")
         text = " ".join(filter(None, (text, state_physics(result))))
+        identifiable = chosen.count(Class.IDENTIFIABLE)
         counts: dict[str, Any] = {
             "size": size,
             "used": len(used),
-            "found": chosen.count(Class.IDENTIFIABLE),
+            "found": identifiable,
         }
         return answer(about, "some", text, "green" if chosen.feasible else "amber", **counts)
 
@@ -71,8 +72,9 @@ def _move_row(r: PrunedModel) -> dict[str, Any]:
     worst = r.worst_sigma_percent
     text = f"{move.kind.value}: {move.text}" if move is not None else r.name
     condition = f"condition {format_number(r.estimate.condition, 3)}"
+    worst_cell = Cell(percent_text(worst), worst, condition)
     cells = {
         "move": Cell(text, note=r.reason),
-        "worst": Cell(percent_text(worst), worst, condition),
+        "worst": worst_cell,
     }
     return model_row(r) | cells

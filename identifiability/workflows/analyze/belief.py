@@ -162,11 +162,13 @@ def belief_dict(names: Sequence[str], belief: Belief | None) -> dict[str, Any] |
 def _physical_dict(names: Sequence[str], summary: Summary) -> dict[str, Any]:
     """Return the physical posterior for JSON."""
     c = summary.convergence
+    rhats = np.max(c.rhat)
+    sizes = np.min(c.ess_bulk)
     told = {
         "trustworthy": c.trustworthy,
         "reasons": list(c.reasons),
-        "rhat": float(np.max(c.rhat)),
-        "ess": float(np.min(c.ess_bulk)),
+        "rhat": float(rhats),
+        "ess": float(sizes),
     }
     if c.trustworthy:
         pairs = zip(summary.interval.tolist(), summary.stated, strict=True)

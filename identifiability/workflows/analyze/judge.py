@@ -66,11 +66,13 @@ def decide_model(
     if real is not None and real.as_good and real.nearest is not None:
         apart = model.to_x @ real.nearest.phi - estimate.value
         shared["prior"] = np.where(estimate.determined, apart, 0.0)[None]
+    left_out = find_left_out(structure, submodel, model.whole, estimate, full)
+    alternatives = missing.of_labels(submodel, estimate)
     fit = replace(
         fit,
         shared=shared,
-        left_out=find_left_out(structure, submodel, model.whole, estimate, full),
-        alternatives=missing.of_labels(submodel, estimate),
+        left_out=left_out,
+        alternatives=alternatives,
     )
     beside = structure.nominal_base - submodel.fixed
     stated = np.linalg.lstsq(submodel.M, beside, rcond=None)[0]
@@ -105,6 +107,8 @@ def assess_ladder(
         model = one.model
         accounts = range(ACCOUNTS * k, ACCOUNTS * (k + 1))
         fit, verdicts, infeasible = decide_model(model, torque, *how, one.robot)
+        fitted = found.fitted.select(accounts)
+        unseen = found.unseen.select(accounts)
         result = ModelResult(
             submodel=model.submodel,
             estimate=model.estimate,
@@ -112,8 +116,8 @@ def assess_ladder(
             verdicts=verdicts,
             infeasible=infeasible,
             physical=one.robot,
-            fitted=found.fitted.select(accounts),
-            unseen=found.unseen.select(accounts),
+            fitted=fitted,
+            unseen=unseen,
         )
         results.append(result)
     return tuple(results)

@@ -172,7 +172,8 @@ def fit_with_robot(
     certificate, said = certified or certify_model(model)
     robot = replace(robot, certificate=certificate, sentence=said + robot.sentence)
     if chosen is None:
-        return LadderFit(model, robot, score, None, np.stack([free, np.full_like(free, np.nan)], 2))
+        unknown = np.full_like(free, np.nan)
+        return LadderFit(model, robot, score, None, np.stack([free, unknown], 2))
     if choose:
         robot = replace(robot, as_good=chosen.as_good)
     return LadderFit(model, robot, score, chosen.score, np.stack([free, chosen.values], 2))
@@ -224,13 +225,15 @@ def compute_ladder(
     fitted, *others = predict_all(data.regression, tasks)
     if data.unseen is not None:
         others = [predict(data.unseen, values)]
+    written = [one.written for one in fits]
+    held_out = others[0] if others else fitted
     return FittedLadder(
         rows=rows,
         fits=tuple(fits),
         folds=folds,
         short=short,
-        near=near_best([one.written for one in fits]),
+        near=near_best(written),
         fitted=fitted,
-        unseen=others[0] if others else fitted,
+        unseen=held_out,
         shared=measure_shared_errors(rows),
     )

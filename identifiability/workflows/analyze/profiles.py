@@ -70,9 +70,10 @@ def profile_numbers(found: Analysis, names: Sequence[str]) -> tuple[Profile, ...
     about = structure, found.samples, find_noise(found.missing.noise, found.information)
     consistent = ConsistentNumbers(found)
     usual = (*list_shapes(structure, columns), *list_delays(structure, columns))
+    wanted = dict.fromkeys((*names, *usual))
     return tuple(
         profile_shape(ShapeRefits(*about, name)) if name in found.shapes else consistent.of(name)
-        for name in dict.fromkeys((*names, *usual))
+        for name in wanted
     )
 
 

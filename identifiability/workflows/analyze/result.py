@@ -177,13 +177,16 @@ class ModelResult:
 
     def row(self) -> dict[str, Any]:
         """Return the model as one row of the ladder."""
+        counted = self.estimate.paper_rule.sum()
+        identifiable = self.count(Class.IDENTIFIABLE)
+        not_judged = self.count(Flag.NOT_JUDGED)
         return {
             "name": self.name,
             "description": self.submodel.description,
             "parameters": len(self.submodel),
-            "paper_identified": int(self.estimate.paper_rule.sum()),
-            "identifiable": self.count(Class.IDENTIFIABLE),
-            "not_judged": self.count(Flag.NOT_JUDGED),
+            "paper_identified": int(counted),
+            "identifiable": identifiable,
+            "not_judged": not_judged,
             "error_ra": self.error_ra,
             "error_ra_validation": self.error_ra_validation,
             "error_ra_free": self.unseen_by(0),
@@ -477,6 +480,10 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         """Return the result in the documented JSON schema."""
         used = self.chosen
         logs = (*self.samples, *self.validation)
+        models = [m.row() for m in self.models]
+        fit = None if self.nothing else self.fit.to_dict()
+        missing = predict.list_missing(self.missing)
+        preparation = {s.path or s.name: list(s.notes) for s in logs}
         found = {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -484,16 +491,16 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             "validation": self.validation_kind,
             "statement": self.statement,
             "nothing": self.nothing or None,
-            "models": [m.row() for m in self.models],
+            "models": models,
             "selected": used.name,
             "errors": self._errors(),
             "parameters": used.rows(),
             "full_parameters": self.full.rows(),
-            "fit": None if self.nothing else self.fit.to_dict(),
-            "missing_functions": predict.list_missing(self.missing),
+            "fit": fit,
+            "missing_functions": missing,
             "physical": self._physical(),
             "hints": list(self.hints),
-            "preparation": {s.path or s.name: list(s.notes) for s in logs},
+            "preparation": preparation,
             "method": self.settings["method"],
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
@@ -517,10 +524,12 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def _physical(self) -> dict[str, Any]:
         """Return the nearest physically consistent robot of the model to use, for JSON."""
         used = self.chosen
+        margin = used.physical.margin if used.physical else None
+        certificate = used.physical.sentence if used.physical else ""
         return {
             "feasible": used.feasible,
-            "margin": used.physical.margin if used.physical else None,
-            "certificate": used.physical.sentence if used.physical else "",
+            "margin": margin,
+            "certificate": certificate,
             "infeasible": list(used.infeasible),
             "error_ra_validation": used.unseen_by(1),
             "used": used.physical_used,
@@ -596,18 +605,21 @@ class Analysis(Laddered[ModelResult]):
         """Return the result in the documented JSON schema."""
         base = self.base
         chosen = self.chosen
+        groupings = dict(zip(base.names, base.labels, strict=True))
+        structure = {
+            "parameters": len(base.parameters),
+            "rank": base.rank,
+            "gap": list(base.gap),
+            "effects": list(self.effects),
+            "groupings": groupings,
+            "without_effect": list(base.without_effect),
+        }
+        profiles = [p.to_dict() for p in self.profiles]
         return super().to_dict() | {
             "posterior": belief_dict(chosen.submodel.columns, self.belief),
-            "structure": {
-                "parameters": len(base.parameters),
-                "rank": base.rank,
-                "gap": list(base.gap),
-                "effects": list(self.effects),
-                "groupings": dict(zip(base.names, base.labels, strict=True)),
-                "without_effect": list(base.without_effect),
-            },
+            "structure": structure,
             "file": self.file_frame().to_dict("records"),
-            "profiles": [p.to_dict() for p in self.profiles],
+            "profiles": profiles,
         }
 
     def find_profile(self, name: str) -> Profile:

@@ -150,13 +150,14 @@ def prepare_again(rows: WeightedRows) -> list[Dataset]:
 def _move_again(robot: Robot, log: Log, prepared: Dataset, how: Preparation) -> Dataset:
     """Return samples whose motion is prepared once more, if that keeps all of them."""
     motion = prepared.motion
+    dq = None if log.dq is None else motion.actuated_v
     measured = Log(
         name=prepared.name,
         joints=robot.joints,
         t=motion.t,
         q=motion.actuated_q,
         tau=prepared.tau,
-        dq=None if log.dq is None else motion.actuated_v,
+        dq=dq,
         ddq=None,
         sha256=prepared.sha256,
         drives_alone=log.drives_alone,

@@ -341,19 +341,22 @@ def conclude_analysis(
         hints += say_of_fit(data, results[selected], missing.functions)
     account = int(results[selected].physical_used)
     unpruned = found.fits[0].model.submodel
+    remarks = tuple(filter(None, hints))
+    everywhere = predict_everywhere(data, found.fits[selected], account, found.folds)
+    together = found.shared.together(unpruned)
     return Analysis(
         structure=data.structure,
         samples=data.samples,
         validation=data.validation,
-        hints=tuple(filter(None, hints)),
+        hints=remarks,
         information=rows.information,
         models=results,
         selected=selected,
-        everywhere=predict_everywhere(data, found.fits[selected], account, found.folds),
+        everywhere=everywhere,
         settings=settings,
         nothing=nothing,
         recordings=data.recordings,
         alternative=data.confirmed,
         missing=missing,
-        late=found.shared.together(unpruned) @ unpruned.M.T,
+        late=together @ unpruned.M.T,
     )

@@ -89,16 +89,19 @@ class Calibration(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
+        parameters = len(self.cell.names)
+        cells = [self.cell.to_dict()]
+        seed = int(self.provenance["seed"])
         return {
             "schema": self.schema,
             "robot": self.analysis.robot.name,
             "model": self.model,
-            "parameters": len(self.cell.names),
+            "parameters": parameters,
             "answer": self.word,
             "statement": self.statement,
-            "cells": [self.cell.to_dict()],
+            "cells": cells,
             "hints": list(self.hints),
-            "seed": int(self.provenance["seed"]),
+            "seed": seed,
             "provenance": self.provenance,
         }
 
@@ -153,10 +156,11 @@ def calibrate(
     found = runner.map(world.repeat, repeating.spawn(trials), progress=steps)
     outcomes, truth = zip(*found, strict=True)
     numbers = {"seed": seed, "replicates": trials, "refits": refits}
+    cell = count_outcomes(outcomes, np.array(truth), result.submodel.columns)
     return Calibration(
         analysis=analysis,
         model=result.name,
-        cell=count_outcomes(outcomes, np.array(truth), result.submodel.columns),
+        cell=cell,
         hints=analysis.hints,
         provenance=analysis.provenance | {k: str(v) for k, v in numbers.items()},
     )

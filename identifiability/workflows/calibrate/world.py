@@ -112,14 +112,17 @@ class Experiment:
         parts = regression.parts(whole=True)
         chunks = [c for part in parts for c in part.chunks()]
         logs = [np.full(len(c.tau), c.log) for c in chunks]
+        names = tuple(p.name for p in regression.parameters)
+        tau = np.concatenate([c.tau for c in chunks])
+        moves = np.concatenate([c.data for c in chunks])
         return Experiment(
             structure=structure,
             submodel=submodel,
-            names=tuple(p.name for p in regression.parameters),
+            names=names,
             W=base_columns(regression)[0],
-            tau=np.concatenate([c.tau for c in chunks]),
+            tau=tau,
             log=np.concatenate(logs),
-            moves=np.concatenate([c.data for c in chunks]),
+            moves=moves,
             **how,
         )
 
@@ -156,10 +159,11 @@ class Experiment:
         told = [v.verdict is Class.IDENTIFIABLE for v in verdicts]
         why = known.why_unjudged(Thresholds())
         found = model.estimate
+        widths = ends[:, 1] - ends[:, 0]
         return Outcome(
             value=found.value,
             white=found.sigma,
-            robust=(ends[:, 1] - ends[:, 0]) / (2 * REACH),
+            robust=widths / (2 * REACH),
             identifiable=np.array(told),
             paper=found.paper_rule,
             judged=not all(why),
@@ -168,7 +172,8 @@ class Experiment:
 
 def base_columns(regression: Regression) -> tuple[Array, Array | None]:
     """Return the columns of a regression in memory, (N, n, b), and instruments if it has any."""
-    wide = np.concatenate([c.wide for p in regression.parts(whole=True) for c in p.chunks()])
+    parts = regression.parts(whole=True)
+    wide = np.concatenate([c.wide for p in parts for c in p.chunks()])
     if regression.instruments is None:
         return wide, None
     V, W = np.split(
@@ -232,6 +237,7 @@ class Cell:
     def to_dict(self) -> dict[str, Any]:
         """Return the cell for JSON."""
         pairs = zip(self.names, self.each, strict=True)
+        each = [{"name": n, "coverage": s.value, "interval95": [s.low, s.high]} for n, s in pairs]
         return {
             "trials": len(self.held),
             "coverage_robust": self.coverage,
@@ -241,9 +247,7 @@ class Cell:
             "wrong_low": self.wrong.low,
             "wrong_high": self.wrong.high,
             "not_judged": self.not_judged,
-            "each": [
-                {"name": n, "coverage": s.value, "interval95": [s.low, s.high]} for n, s in pairs
-            ],
+            "each": each,
             "below": list(self.below),
         }
 
@@ -264,12 +268,14 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
     called = np.array([t.identifiable for t in trials])
     held = off <= REACH * robust
     unjudged = [not t.judged for t in trials]
+    calls = called.sum(1).mean()
+    missed = off > 0.5 * np.abs(truth)
     return Cell(
         names=tuple(names),
         held=held,
-        called=float(called.sum(1).mean()),
+        called=float(calls),
         wrong=clustered_share(
-            off > 0.5 * np.abs(truth),
+            missed,
             called,
             ~held,
         ),
@@ -409,20 +415,24 @@ class World:
             given if s.cutoff is None else replace(given, cutoff=s.cutoff, outputs=s.band)
             for s in samples
         ]
+        true_motions = [_true_motion(s) for s in samples]
         experiment = Experiment.of(
             analysis.structure,
-            [_true_motion(s) for s in samples],
+            true_motions,
             result.submodel,
             method=result.estimate.estimator,
             replicates=refits,
         )
         runs = find_runs(samples)
         stretches = split_runs(runs, experiment.moves)
+        robots = TrueRobots.of(analysis.structure, result)
+        logs_prepared = tuple(zip(logs, samples, how, strict=True))
+        noise = fit_residual_noise(experiment.tau, experiment.W, stretches)
         world = World(
             experiment,
-            TrueRobots.of(analysis.structure, result),
-            tuple(zip(logs, samples, how, strict=True)),
-            fit_residual_noise(experiment.tau, experiment.W, stretches),
+            robots,
+            logs_prepared,
+            noise,
             runs,
         )
         return world.without_motion_errors(analysis.full.estimate.variance, rng)

@@ -178,7 +178,8 @@ def _simulate(fit: Physical, unseen: Sequence[Dataset], at: Stretches, dt: float
     q = np.stack([s.motion.actuated_q[rows] for s, rows in at])
     first = np.stack([s.motion.actuated_v[rows[0]] for s, rows in at])
     simulator = ForwardRobot(fit.structure.robot, joint_values(fit))
-    return np.asarray(np.abs(simulator.run(q[:, 0], first, tau, dt) - q[:, 1:]))
+    simulated = simulator.run(q[:, 0], first, tau, dt) - q[:, 1:]
+    return np.asarray(np.abs(simulated))
 
 
 def _stretches(unseen: Sequence[Dataset], dt: float, steps: int, most: int) -> Stretches:
@@ -219,7 +220,8 @@ def _mean_torque(fit: Physical, samples: Dataset, others: Array, rows: np.ndarra
     out = np.empty((len(rows), tau.shape[1]))
     for k, joint in enumerate(fit.structure.robot.joints):
         delay = fit.values.get(f"{joint}.delay", 0.0)
-        out[:, k] = np.interp(t[rows] + delay, t, tau[:, k]) - others[rows, k]
+        shifted = np.interp(t[rows] + delay, t, tau[:, k])
+        out[:, k] = shifted - others[rows, k]
     middle: Array = 0.5 * (out[1:] + out[:-1])
     return middle
 

@@ -336,11 +336,12 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     missing = Missing(candidates, fitted.seen, known.root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
+    refusals = tuple(r for r in refused if r.family in asked)
     found = Naming(
         problem=problem,
         fitted=fitted,
         unseen=unseen,
-        refusals=tuple(r for r in refused if r.family in asked),
+        refusals=refusals,
         asked=missing,
         whole=model,
         missing=missing,
@@ -491,7 +492,8 @@ def _block_edges(rows: Excerpt) -> list[int]:
     edges = [0]
     for log in logs:
         at = np.flatnonzero(rows.log == log)
-        edges += np.linspace(at[0], at[-1] + 1, each + 1).astype(int).tolist()[1:]
+        cuts = np.linspace(at[0], at[-1] + 1, each + 1)
+        edges += cuts.astype(int).tolist()[1:]
     return edges
 
 
@@ -506,7 +508,8 @@ def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tup
     for k, term in enumerate(terms):
         here.setdefault(term.group.place, []).append(k)
     crowded = [some for some in here.values() if len(some) > 1]
-    found = model.left_out(terms, blocks, [*([k] for k in range(len(terms))), *crowded])
+    singles = ([k] for k in range(len(terms)))
+    found = model.left_out(terms, blocks, [*singles, *crowded])
     gains, together = found[: len(terms)], found[len(terms) :]
     needed = np.full(len(terms), RULES.keep)
     for some, gain in zip(crowded, together.tolist(), strict=True):
@@ -661,9 +664,13 @@ def _parts_of_time(rows: Excerpt) -> tuple[np.ndarray, np.ndarray]:
     for n in np.unique(rows.log):
         own = np.flatnonzero(rows.log == n)
         t = rows.t[own]
-        some = max(min(INSTANTS, len(own) // 2, int((t[-1] - t[0]) / SHORTEST)), 1)
-        cuts = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], some + 1)[:-1]))
-        begins += [*(own[0] + cuts[1:]).tolist(), int(own[-1]) + 1]
+        spans = (t[-1] - t[0]) / SHORTEST
+        some = max(min(INSTANTS, len(own) // 2, int(spans)), 1)
+        begins_at = np.linspace(t[0], t[-1], some + 1)
+        cuts = np.unique(np.searchsorted(t, begins_at[:-1]))
+        starts = own[0] + cuts[1:]
+        end = int(own[-1])
+        begins += [*starts.tolist(), end + 1]
         log += [int(n)] * len(cuts)
     return np.array(begins), np.array(log)
 
@@ -678,7 +685,9 @@ def _stays(log: np.ndarray) -> np.ndarray:
     for n in np.unique(log):
         start, some = int(np.argmax(log == n)), int((log == n).sum())
         first, last = start + np.array(np.triu_indices(some + 1, 2))
-        may = ((first > start) | (some < len(log))) & (last - first <= len(log) // 2)
+        partly = (first > start) | (some < len(log))
+        short = last - first <= len(log) // 2
+        may = partly & short
         out.append(np.column_stack([first, last])[may])
     return np.concatenate(out)
 
@@ -749,7 +758,8 @@ def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -
     every = _odds_of_stays(missing, grid)
     for _ in range(2):  # its torque is no noise, so noise is estimated without it
         every = _odds_of_stays(_noise_outside(missing, grid, every[0]), grid)
-    always = [*(x.drifts for x in every), *(t.odds for t in naming.before[:1])]
+    drifts = (x.drifts for x in every)
+    always = [*drifts, *(t.odds for t in naming.before[:1])]
     needed = max(RULES.name + RULES.keep, *always) + RULES.rival
     return None if every[0].total < needed else _write_change(naming, grid, every)
 
@@ -776,6 +786,8 @@ def _write_change(naming: Naming, grid: _Grid, every: Sequence[_Stay]) -> Change
     kinds = {"payload": "load", "torque_offset": "offset"}
     log = int(grid.log[grid.stays[best.at, 0]])
     parameters = Placed([c.part]).parameters(naming.problem.robot)
+    errors = np.sqrt(np.diag(best.covariance))
+    weights = softmax([x.total for x in every])[0]
     return Change(
         kind=kinds.get(c.family.name, "friction"),
         family=c.family.name,
@@ -785,11 +797,11 @@ def _write_change(naming: Naming, grid: _Grid, every: Sequence[_Stay]) -> Change
         names=tuple(f"{c.place}.{kind.removeprefix('payload_')}" for kind in c.kinds),
         units=tuple(p.unit for p in parameters),
         sizes=best.value,
-        sd=np.sqrt(np.diag(best.covariance)),
+        sd=errors,
         odds=best.total,
         others=tuple(x.title for x in near),
         rivals=tuple(x.candidate.group for x in near),
-        weight=float(softmax([x.total for x in every])[0]),
+        weight=float(weights),
         **when,
     )
 
@@ -809,7 +821,8 @@ def _find_instants(grid: _Grid, stay: _Stay, t: Array) -> dict[str, Any] | None:
     if not begun and whole and len(np.unique(grid.log)) < 3:
         return None
     rows = grid.begins[[*own, own[-1] + 1]]
-    time, likely = t[[*rows[:-1], rows[-1] - 1]], softmax(stay.odds)
+    begin_rows = [*rows[:-1], rows[-1] - 1]
+    time, likely = t[begin_rows], softmax(stay.odds)
     starts, stops = (grid.stays - own[0]).T
     when: dict[str, Any] = {}
     if begun:
@@ -888,7 +901,8 @@ def _beside_model(
     """
     solution, own = model.plain, products[:, at]
     others = own[:, :, [*range(model.fixed), -1]]
-    S, P = (np.tensordot(w, x, 1) for w, x in ((weights**2, own[:, :, at]), (weights, others)))
+    both = ((weights**2, own[:, :, at]), (weights, others))
+    S, P = (np.tensordot(w, x, 1) for w, x in both)
     part = np.einsum("ij,wkj->iwk", solution.root, P[:, :, :-1], optimize=True)
     return S, part, P[:, :, -1] - np.einsum("iwk,i->wk", part, solution.half)
 
@@ -918,9 +932,11 @@ def _odds_of_stay(
     S, part, left = _beside_model(model, products, at, grid.weights)
     rise, _ = model.rise(S, part, left)
     odds = logsumexp(rise, axis=1) - np.log(rise.shape[1]) - price
-    total, drifts = (float(logsumexp(o) - np.log(len(o))) for o in np.split(odds, [count]))
+    halves = np.split(odds, [count])
+    total, drifts = (float(logsumexp(o) - np.log(len(o))) for o in halves)
     w, size = np.unravel_index(int(rise[:count].argmax()), rise.shape)
-    outside = S[w] - part[:, w].T @ part[:, w] + np.eye(len(at)) / model.sizes[size] ** 2
+    explained = part[:, w].T @ part[:, w]
+    outside = S[w] - explained + np.eye(len(at)) / model.sizes[size] ** 2
     likely, unit = Normal.of(outside, left[w]), model.scale[at]
     covariance = likely.covariance / np.outer(unit, unit)
     return _Stay(candidate, odds[:count], total, drifts, likely.value / unit, covariance)

@@ -208,7 +208,8 @@ def know_nothing(structure: Structure) -> KnownValues:
         open_ = np.isinf(sd)
         G = structure.G
         covariance = np.diag(np.where(open_, 0.0, sd) ** 2)
-        own = Known.of(np.zeros(b), G, covariance, np.eye(len(sd))[:, open_])
+        directions = np.eye(len(sd))[:, open_]
+        own = Known.of(np.zeros(b), G, covariance, directions)
         at = own.directions.any(0)
         own = replace(own, directions=own.directions[:, at], precision=own.precision[at])
     return KnownValues(**vars(own), words="the refitted model")
@@ -245,7 +246,9 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
     if not refitted:
         own = np.flatnonzero(~rows.any(0))
         nominal = structure.nominal
-        sd = np.maximum(share * np.abs(nominal[own]), ROUNDOFF * np.abs(nominal).max(initial=0.0))
+        typical = share * np.abs(nominal[own])
+        largest = np.abs(nominal).max(initial=0.0)
+        sd = np.maximum(typical, ROUNDOFF * largest)
         rows = np.vstack([rows, np.eye(len(nominal))[own] / sd[:, None]])
         aim = np.append(aim, nominal[own] / sd)
     words = f"the robot file's values, each within {percent(share)},"
@@ -264,7 +267,9 @@ def _know_rows(rows: Array, aim: Array, structure: Structure) -> Known:
     moved = np.linalg.pinv(scaled) @ (aim - rows @ structure.nominal)
     base = structure.G @ (structure.nominal + moved)
     spread = G @ (Vt[:rank].T / s[:rank])
-    return Known.of(base, np.eye(len(base)), spread @ spread.T, orth(G @ Vt[rank:].T))
+    unit = np.eye(len(base))
+    unseen = G @ Vt[rank:].T
+    return Known.of(base, unit, spread @ spread.T, orth(unseen))
 
 
 def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
@@ -352,7 +357,8 @@ class ResidualRows:
             at = s.output_times()
             m = s.motion
             both = np.concatenate([m.actuated_q, m.actuated_v, m.actuated_a], axis=1)
-            parts.append(np.stack([np.interp(at, m.t, x) for x in both.T], axis=1))
+            series = [np.interp(at, m.t, x) for x in both.T]
+            parts.append(np.stack(series, axis=1))
         q, dq, ddq = np.split(np.concatenate(parts), 3, axis=1)
         return q, dq, ddq
 
@@ -393,7 +399,8 @@ def change_interval(
     draws : int
     """
     count = min(DRAWN_STRETCHES, len(error))
-    both = ((error[:, :, 1] - error[:, :, 0]).sum(1), deviation.sum(1))
+    differences = error[:, :, 1] - error[:, :, 0]
+    both = (differences.sum(1), deviation.sum(1))
     parts, wholes = (np.add.reduceat(x, np.arange(count) * len(x) // count) for x in both)
     counts = rng.multinomial(count, np.full(count, 1 / count), size=draws)
     size = counts @ wholes
@@ -405,7 +412,8 @@ def change_of(
     gap: Prediction, first: int, second: int, rng: np.random.Generator
 ) -> tuple[float, float]:
     """Return the 95 % interval of the change of ε_RA from one model to another."""
-    return change_interval(np.abs(gap.residual[:, :, [first, second]]), gap.apart(), rng)
+    both = gap.residual[:, :, [first, second]]
+    return change_interval(np.abs(both), gap.apart(), rng)
 
 
 #: Weighted residual rows, the fit of their columns, a sentence on outliers, and the outliers.
@@ -483,7 +491,8 @@ def find_discrepancies(
             out.append(Discrepancy(joint, 0.0, 0.0, {}))
             continue
         explained = {name: explained_share(x[data], r) for name, x in rows.along(j).items()}
-        size, whole = (float(np.sqrt(np.mean(x**2))) for x in (r, rows.measured[data, j]))
+        measured = rows.measured[data, j]
+        size, whole = (float(np.sqrt(np.mean(x**2))) for x in (r, measured))
         out.append(Discrepancy(joint, size, size / (whole or 1.0), explained))
     return tuple(out)
 
@@ -497,7 +506,8 @@ def explained_share(x: Array, r: Array) -> float:
     left = own - (np.bincount(bins, own) / np.bincount(bins))[bins]
     if not own.any() or len(r) <= k or k < 2:
         return 0.0
-    share = 1 - (left @ left) / (own @ own) * (len(r) - 1) / (len(r) - k)
+    left_share = (left @ left) / (own @ own)
+    share = 1 - left_share * (len(r) - 1) / (len(r) - k)
     return float(np.clip(share, 0.0, 1.0))
 
 

@@ -464,20 +464,24 @@ class Diagnosis(Result, Predicts):
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
         logs, forward = (*self.samples, *self.validation), self.forward
+        stated = pick(self, "fixed", "statement", "hints", "seed", "physical")
+        errors = {"joints": self.error_frame().to_dict("records")}
+        change = {"interval95": list(self.interval), "measured": f"on {self.verified_on}"}
+        preparation = {s.path or s.name: list(s.notes) for s in logs}
         found = {
             "schema": self.schema,
             "robot": self.completed.robot.identity,
             "model": list(list_asked_effects(self.structure)),
-            **pick(self, "fixed", "statement", "hints", "seed", "physical"),
+            **stated,
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             **self._missing(),
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
-            "errors": {"joints": self.error_frame().to_dict("records")},
-            "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
+            "errors": errors,
+            "change": change,
             "roles": self._roles(),
             "forward": None if forward is None else _forward_row(forward),
             "fit": self.fit.to_dict(),
-            "preparation": {s.path or s.name: list(s.notes) for s in logs},
+            "preparation": preparation,
             "provenance": dict(self.provenance),
         }
         if self.bending is not None:
@@ -487,13 +491,17 @@ class Diagnosis(Result, Predicts):
     def _missing(self) -> dict[str, Any]:
         """Return missing effects, refuted effects and the unexplained residual, for JSON."""
         rms = {x.joint: x.rms for x in self.discrepancies}
+        effects = [_effect_row(e) for e in self.effects]
+        refuted = [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted]
+        possible = [
+            pick(x, "name", "place", odds="before", left_out="unseen") for x in self.possible
+        ]
+        changes = [_change_row(c) for c in self.changes]
         return {
-            "effects": [_effect_row(e) for e in self.effects],
-            "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],
-            "possible": [
-                pick(x, "name", "place", odds="before", left_out="unseen") for x in self.possible
-            ],
-            "changes": [_change_row(c) for c in self.changes],
+            "effects": effects,
+            "refuted": refuted,
+            "possible": possible,
+            "changes": changes,
             "unexplained": {"statement": self.unexplained, "rms": rms},
             "not_applicable": [vars(r) for r in self.refusals],
             "evidence": [_odds_row(x) for x in self.evidence],
@@ -501,12 +509,15 @@ class Diagnosis(Result, Predicts):
 
     def _roles(self) -> dict[str, Any]:
         """Return the logs that chose, verified and were left out, for JSON."""
+        fitted = list(given_paths(self.samples))
+        verified_logs = list(given_paths(self.validation))
+        left_out = [c.log for c in self.problem.left_out if c.whole]
         return {
             "chosen": "by the evidence of the fitted logs",
             "verified": self.verified_on,
-            "fitted": list(given_paths(self.samples)),
-            "verified_logs": list(given_paths(self.validation)),
-            "left_out": [c.log for c in self.problem.left_out if c.whole],
+            "fitted": fitted,
+            "verified_logs": verified_logs,
+            "left_out": left_out,
             "alternative": self.alternative,
         }
 
@@ -532,13 +543,17 @@ def _change_row(c: Change) -> dict[str, Any]:
     """Return a change for JSON, without an instant that was not logged."""
     ends = {"from": [c.start], "to": [c.stop], "from95": c.began, "to95": c.ended}
     known = {name: [x if np.isfinite(x) else None for x in at] for name, at in ends.items()}
+    picked = pick(c, "log", "weight", effect="family", joint="place", log_odds="odds")
+    bounds = {name: known[name][0] for name in ("from", "to")}
+    parameters = dict(zip(c.names, c.sizes.tolist(), strict=True))
+    errors = dict(zip(c.names, c.sd.tolist(), strict=True))
     return {
-        **pick(c, "log", "weight", effect="family", joint="place", log_odds="odds"),
+        **picked,
         **known,
-        **{name: known[name][0] for name in ("from", "to")},
+        **bounds,
         "or": _rival_rows(c.rivals),
-        "parameters": dict(zip(c.names, c.sizes.tolist(), strict=True)),
-        "errors": dict(zip(c.names, c.sd.tolist(), strict=True)),
+        "parameters": parameters,
+        "errors": errors,
     }
 
 
@@ -560,10 +575,12 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         }
         for p in e.placements
     ]
+    picked = pick(e, *names, effect="name", **verified)
+    rivals = _rival_rows(r for p in e.placements for r in p.rivals)
     return {
-        **pick(e, *names, effect="name", **verified),
+        **picked,
         "or": list(e.alternatives),
-        "confusable_with": _rival_rows(r for p in e.placements for r in p.rivals),
+        "confusable_with": rivals,
         "places": places,
     }
 
@@ -609,12 +626,13 @@ def keep_completed(d: Diagnosis) -> Fit:
         reduced = known.estimate.estimator.fit(part)
         of_part = Known.of(part, reduced, np.random.default_rng(d.seed), 0)
         spread = measure_spread(part, of_part, *errors)
+    preparation = with_cutoff(d.preparation, d.samples)
     return Fit(
         structure=structure,
         submodel=submodel,
         values=d.used.values,
         spread=spread,
-        preparation=with_cutoff(d.preparation, d.samples),
+        preparation=preparation,
         base_covariance=whole.covariance,
         base_unknown=whole.unknown,
         reading=d.reading,

@@ -289,13 +289,16 @@ def _with_context(
         hints = (phrase("kept", "exact"), *hints)
     logs = (*found.samples, *found.validation)
     options = _list_options(case, request, found)
+    nothing = "" if found.fixed else data.misread
+    statement = "" if data.confirmed is None else data.confirmed.statement
+    provenance = state_provenance(found.robot, logs, seed, None, options | {"quick": quick})
     found = replace(
         found,
-        nothing="" if found.fixed else data.misread,
-        alternative="" if data.confirmed is None else data.confirmed.statement,
+        nothing=nothing,
+        alternative=statement,
         reading=data.recordings.reading,
         hints=hints,
-        provenance=state_provenance(found.robot, logs, seed, None, options | {"quick": quick}),
+        provenance=provenance,
     )
     return found.moved_by(data.recordings)
 
@@ -305,9 +308,11 @@ def _list_options(case: Case, request: Request, found: Diagnosis) -> dict[str, A
     kept = request.fixed
     model = request.model
     names = [model] if isinstance(model, (str, Path)) else model
+    effects = "all" if request.effects is None else list(request.effects)
+    fixed = kept if isinstance(kept, bool) else found.known.words
     options: dict[str, Any] = {
-        "effects": "all" if request.effects is None else list(request.effects),
-        "fixed": kept if isinstance(kept, bool) else found.known.words,
+        "effects": effects,
+        "fixed": fixed,
         "preparation": case.preparation or Preparation(),
     }
     if isinstance(names, (list, tuple)) and names:
@@ -373,6 +378,7 @@ def _problem_of(
     elif not request.keeps:
         known = know_nothing(data.structure)
     how = case.preparation if data.preparation.cutoff is None else data.preparation
+    columns_of = (data.structure, data.regression)
     problem = Problem(
         structure=data.structure,
         samples=data.samples,
@@ -385,7 +391,7 @@ def _problem_of(
         preparation=how or Preparation(),
         commanded=data.recordings.commanded,
         seed=run.seed,
-        columns=((data.structure, data.regression),),
+        columns=(columns_of,),
     )
     return problem, data
 
@@ -638,7 +644,9 @@ def _last(changes: Sequence[Change], samples: Sequence[Dataset]) -> bool:
         own = next(s for s in samples if s.name == c.log)
         t = own.output_times()
         d = own.decimation
-        if np.sum((t >= c.start) & (t <= c.stop)) > (0.0 if d is None else 2 * d.reach / d.factor):
+        during = (t >= c.start) & (t <= c.stop)
+        reach = 0.0 if d is None else 2 * d.reach / d.factor
+        if np.sum(during) > reach:
             return True
     return False
 
@@ -725,6 +733,7 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
             break
     before, after = naming.predict_fitted([fits[0], last]).relative_error().tolist()
     held = gap.relative_error().tolist()
+    weighed = used.weighed if problem.known.tells_nothing else None
     return Verified(
         included=n,
         used=best,
@@ -735,7 +744,7 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
         held_after=held[-1],
         completed=used.completed,
         information=used.information,
-        weighed=used.weighed if problem.known.tells_nothing else None,
+        weighed=weighed,
     )
 
 
@@ -759,20 +768,24 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     counts = Counter(p.candidate.family.name for p in parts)  # families stand together
     ends = np.cumsum([0, *counts.values()]).tolist()
     plain = _recommend_plain(naming)
-    fits = [naming.of(problem.plain) @ plain.base, *(naming.fit(range(n)) for n in ends[1:])]
+    plain_fit = naming.of(problem.plain)
+    later_fits = (naming.fit(range(n)) for n in ends[1:])
+    fits = [plain_fit @ plain.base, *later_fits]
     residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
     found = verify_effects(naming, fits, plain)
     if 0 < found.included < len(parts):
         return conclude(without_last(naming, found.included), rng)
     placed = [_place(naming, k) for k in range(len(parts))]
+    curves = tuple(_curve(naming, residual, k, p) for k, p in enumerate(placed))
+    discrepancies = find_discrepancies(naming.fitted, residual, problem.robot.joints)
     return Diagnosis(
         problem=problem,
         effects=_list_effects(naming, ends, placed, found.gap, rng),
-        curves=tuple(_curve(naming, residual, k, p) for k, p in enumerate(placed)),
+        curves=curves,
         refuted=_list_odds(naming.refuted),
         possible=_list_odds(naming.possible),
         interval=change_of(found.gap, 0, -1, rng),
-        discrepancies=find_discrepancies(naming.fitted, residual, problem.robot.joints),
+        discrepancies=discrepancies,
         refusals=naming.refusals,
         evidence=_list_evidence(naming),
         **vars(found),
@@ -794,14 +807,16 @@ def _list_effects(
         own = naming.parts[first:last]
         family = own[0].candidate.family
         near = [title_of(t.group.family) for p in own for t in p.nearest]
+        after = float(errors[at + 1])
+        everywhere = 1 < len(family.places(robot)) == len(own)
         effects.append(
             NamedEffect(
                 name=family.name,
                 placements=tuple(placed[first:last]),
                 before=float(errors[at]),
-                after=float(errors[at + 1]),
+                after=after,
                 interval=change_of(gap, at, at + 1, rng),
-                everywhere=1 < len(family.places(robot)) == len(own),
+                everywhere=everywhere,
                 nearest=tuple(dict.fromkeys(near)),
             )
         )
@@ -831,11 +846,13 @@ def _place(naming: Naming, k: int) -> Placement:
     sizes = [float(np.sqrt(np.mean(x**2))) for x in added]
     every = [r.group for r in part.rivals]  # a family everywhere is here, too
     rivals = [Rival(g.family, g.place.replace(EVERYWHERE, c.place)) for g in every]
+    names = tuple(x.name for x in parameters)
+    units = tuple(x.unit for x in parameters)
     return Placement(
         place=c.place,
         shape=c.shape,
-        parameters=tuple(x.name for x in parameters),
-        units=tuple(x.unit for x in parameters),
+        parameters=names,
+        units=units,
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
         rms=max(sizes, default=0.0),
@@ -872,13 +889,16 @@ def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     added = law @ placed.values
     if c.family.against in ("velocity", "position") and not (c.family.remembers or robot.closed):
         law = _unfiltered(naming, c.part)[:, j]
+    x = rows.along(of)[c.family.against]
+    variance = law**2 @ placed.errors**2
+    data = left[:, j] + added
     return Curve(
         title=c.family.title,
         joint=j,
         of=of,
         against=c.family.against,
-        x=rows.along(of)[c.family.against],
+        x=x,
         learned=law @ placed.values,
-        spread=np.sqrt(law**2 @ placed.errors**2),
-        data=left[:, j] + added,
+        spread=np.sqrt(variance),
+        data=data,
     )

@@ -254,7 +254,8 @@ def add_beside(structure: Structure, effects: Sequence[Effect]) -> Question:
     every = whole.parameters(structure.robot)
     added = range(len(base.parameters), len(every))
     taken = {every[k].name for k in added}  # the model lacks the effects to separate
-    columns = np.array([*(k for k in base.kept if every[k].name not in taken), *added], int)
+    kept = (k for k in base.kept if every[k].name not in taken)
+    columns = np.array([*kept, *added], int)
     names, units = (tuple(getattr(every[k], what) for k in columns) for what in ("name", "unit"))
     return Question(structure, whole, columns, names, units, (), LogDet(np.arange(len(columns))))
 

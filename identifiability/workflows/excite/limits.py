@@ -219,7 +219,8 @@ class Clearance:
 
         It is `REACH` where all are farther away.
         """
-        each = [self.near(place)[1].min(initial=REACH) for place in self.shapes.placed(q)]
+        placed = self.shapes.placed(q)
+        each = [self.near(place)[1].min(initial=REACH) for place in placed]
         return np.array(each)
 
 
@@ -230,7 +231,9 @@ def _find_pairs(shapes: MujocoRobot) -> np.ndarray:
     body = m.body_weldid[m.geom_bodyid]
     joined = m.body_weldid[m.body_parentid[body]][:, None] == body
     meets = (m.geom_contype[:, None] & m.geom_conaffinity) > 0
-    pairs: np.ndarray = (meets | meets.T) & ~(joined | joined.T) & (body[:, None] != body)
+    apart = ~(joined | joined.T)
+    differ = body[:, None] != body
+    pairs: np.ndarray = (meets | meets.T) & apart & differ
     return pairs
 
 

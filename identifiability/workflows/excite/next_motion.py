@@ -131,10 +131,12 @@ def find_next(
         d.robot.check_stands("designing the motion that decides between names")
         bench = Bench.of(d)
         known = bench.known
+        step = sampling_step(d.samples[0].output_times())
+        series = Series(find_limits(d.robot, limits), duration, harmonics, at_rest=True)
         motion = find_motion(
             bench.question,
-            replace(known, samples=duration / sampling_step(d.samples[0].output_times())),
-            Series(find_limits(d.robot, limits), duration, harmonics, at_rest=True),
+            replace(known, samples=duration / step),
+            series,
             Run(progress or quiet, seed=seed),
             FINAL,
             evaluations,
@@ -212,7 +214,8 @@ class Bench:
         """
         asks = self.aim.asks
         blocks = [G[np.ix_(a.own, a.own)] for a in asks]
-        whole = np.array([a.values @ g @ a.values for a, g in zip(asks, blocks, strict=True)])
+        pairs = zip(asks, blocks, strict=True)
+        whole = np.array([a.values @ g @ a.values for a, g in pairs])
         left = self.aim.squares(G[None])[:, 0]
         return np.reshape(left > 2 * NEARLY * whole, (-1, 2))
 
@@ -221,7 +224,8 @@ class Bench:
         squares = self.aim.squares(G[None])[:, 0]
         each = decision_chance(squares).reshape(-1, 2)
         some = told.any(1) | ~told.any()
-        return float(np.where(told[:, 0], each[:, 0], each[:, 1])[some].min())
+        chances = np.where(told[:, 0], each[:, 0], each[:, 1])
+        return float(chances[some].min())
 
     def along(self, d: Diagnosis, path: Trajectory) -> Array:
         """Return the Gram matrix of a period of a motion, (k, k).
@@ -271,7 +275,9 @@ def _find_columns(
     """Return where the columns of effects begin, and the columns of each part of each effect."""
     widths = [len(Placed([part]).parameters(d.robot)) for parts in effects for part in parts]
     first = len(question.columns) - sum(widths)
-    each = iter(np.split(np.arange(first, len(question.columns)), np.cumsum(widths)[:-1]))
+    columns = np.arange(first, len(question.columns))
+    cuts = np.cumsum(widths)[:-1]
+    each = iter(np.split(columns, cuts))
     return first, [tuple(next(each) for _ in parts) for parts in effects]
 
 

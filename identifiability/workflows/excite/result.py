@@ -43,7 +43,8 @@ from .limits import CLEARANCE, Clearance, Drive, Limits, survey
 def _windowed(path: Trajectory, rise: float, rate: float, periods: int) -> PrescribedMotion:
     whole = 2 * rise + periods * path.period
     t = np.arange(round(whole * rate) + 1) / rate
-    up = np.clip(np.minimum(t, t[-1] - t) / rise, 0.0, 1.0)[:, None]
+    nearest_end = np.minimum(t, t[-1] - t)
+    up = np.clip(nearest_end / rise, 0.0, 1.0)[:, None]
     side = np.where(t < t[-1] / 2, 1.0, -1.0)[:, None] / rise
     w = up**3 * (10 - 15 * up + 6 * up**2)
     dw = 30 * up**2 * (1 - up) ** 2 * side
@@ -52,11 +53,12 @@ def _windowed(path: Trajectory, rise: float, rate: float, periods: int) -> Presc
     full = path.motion(path.times())[0]
     middle = 0.5 * (full.max(0) + full.min(0))
     away = q - middle
+    bent = ddw * away + 2 * dw * dq
     return PrescribedMotion(
         t,
         middle + w * away,
         dw * away + w * dq,
-        ddw * away + 2 * dw * dq + w * ddq,
+        bent + w * ddq,
         path.name,
     )
 
@@ -222,14 +224,18 @@ class Excitation(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return a trajectory file with the properties of the trajectory."""
         path = self.trajectory
+        places = enumerate(self.limits.joints)
         joints = {
             name: {
                 "offset": path.offset[k],
                 "sin": path.sin[k].tolist(),
                 "cos": path.cos[k].tolist(),
             }
-            for k, name in enumerate(self.limits.joints)
+            for k, name in places
         }
+        identifiable = [self.before.identifiable, self.after.identifiable]
+        joints_each = self.to_frame().to_dict("records")
+        parameters = self.parameters_frame().to_dict("records")
         return {
             "schema": self.schema,
             "comment": f"{self.statement} Coefficients are amplitudes of velocity.",
@@ -241,13 +247,13 @@ class Excitation(Result):
             "chosen": list(self.chosen),
             "effects": list(self.effects),
             "logs": list(self.logs),
-            "identifiable": [self.before.identifiable, self.after.identifiable],
+            "identifiable": identifiable,
             "before": self.before.figure,
             "after": self.after.figure,
             "closure": self.closure,
             **({"gap": self.gap} if np.isfinite(self.gap) else {}),
-            "joints": self.to_frame().to_dict("records"),
-            "parameters": self.parameters_frame().to_dict("records"),
+            "joints": joints_each,
+            "parameters": parameters,
             "evaluations": self.evaluations,
             "seed": self.seed,
             "hints": list(self.hints),

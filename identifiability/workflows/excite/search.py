@@ -92,7 +92,9 @@ class Series:
         n = len(self.limits.joints)
         H = self.harmonics
         limits = self.limits
-        amplitude = x[:, : 2 * n * H].reshape(m, n, 2 * H) * limits.speed[:, None] / np.sqrt(H)
+        velocities = x[:, : 2 * n * H]
+        speeds = limits.speed[:, None]
+        amplitude = velocities.reshape(m, n, 2 * H) * speeds / np.sqrt(H)
         if self.at_rest:
             amplitude = _from_rest(amplitude)
         q, v, a = self._motion(np.zeros((m, n)), amplitude, FINENESS * H)
@@ -123,7 +125,8 @@ class Series:
         (m, n), H = offset.shape, self.harmonics
         sin, cos = np.split(amplitude.reshape(m * n, 2 * H), 2, axis=1)
         many = Trajectory("", self.period, samples, offset.reshape(-1), sin, cos)
-        q, v, a = (x.reshape(samples, m, n).transpose(1, 0, 2) for x in many.motion(many.times()))
+        motions = many.motion(many.times())
+        q, v, a = (x.reshape(samples, m, n).transpose(1, 0, 2) for x in motions)
         return q, v, a
 
 
@@ -184,7 +187,8 @@ class Objective:
         """Return the costs without those of bodies that come near each other, (m,)."""
         # Samples of a batch at most: its regressor stays in the processor's cache.
         size = max(1, 2400 // self.samples)
-        parts = [self._batch(x[at : at + size]) for at in range(0, len(x), size)]
+        starts = range(0, len(x), size)
+        parts = [self._batch(x[at : at + size]) for at in starts]
         return np.concatenate(parts)
 
     def gradient(self, x: Array, step: float = 1e-5) -> tuple[float, Array]:
@@ -224,9 +228,8 @@ class Objective:
         """Return the motion of all joints of candidates one after the other, where there is one."""
         q, v, a = (np.concatenate(part) for part in self.series.motion(x, samples))
         try:
-            return complete_motion(
-                self.question.structure.robot, np.arange(len(q), dtype=float), q, v, a
-            )
+            times = np.arange(len(q), dtype=float)
+            return complete_motion(self.question.structure.robot, times, q, v, a)
         except ClosureError:
             return None
 

@@ -250,7 +250,8 @@ def _judge(objective: Objective, noisy: Objective, x: Array | None, samples: int
     spread = _sigma(sized)
     limit = Thresholds().sigma_percent / 100 * np.abs(known.values)
     told = ((spread > 0) & (spread <= limit))[asked]
-    return Merit(aim.figure(float(aim.cost(plain[None])[0])), _sigma(plain), told)
+    costs = aim.cost(plain[None])
+    return Merit(aim.figure(float(costs[0])), _sigma(plain), told)
 
 
 def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Workspace, float]:

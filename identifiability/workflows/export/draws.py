@@ -160,4 +160,5 @@ def _prior(structure: Structure, data: LeastSquares, share: float) -> Prior:
     prior = state_prior(structure, data, share)
     known = np.isin(structure.columns, list(structure.robot.prior))
     known[structure.inertial] = True
-    return Prior(prior.mean, np.where(known, prior.sd, np.maximum(prior.sd, widest(data))))
+    widened = np.maximum(prior.sd, widest(data))
+    return Prior(prior.mean, np.where(known, prior.sd, widened))

@@ -466,15 +466,19 @@ def _describe(
     known = every_parameter(robot, content.physical.shapes)
     # A level of one direction, where no effect has it, is part of that of both.
     beside = [n for n in written.beside if n in known or n[:-1] not in written.beside]
+    written_beside = by_effect(robot, beside, physical.shapes)
+    error_file = None if kind is None else physical.error_ra_files.get(kind)
+    mass = state_mass(robot, given, physical.cad_prior)
+    notes = _notes(robot, content, kind, written.robot.name, said=unseen is not None)
     return Exported(
         robot=written.robot,
         sidecar=written.sidecar,
-        beside=by_effect(robot, beside, physical.shapes),
+        beside=written_beside,
         error_ra=physical.error_ra,
-        error_ra_file=None if kind is None else physical.error_ra_files.get(kind),
+        error_ra_file=error_file,
         unseen=unseen,
-        mass=state_mass(robot, given, physical.cad_prior),
-        notes=_notes(robot, content, kind, written.robot.name, said=unseen is not None),
+        mass=mass,
+        notes=notes,
     )
 
 
@@ -743,11 +747,14 @@ def write_isaaclab(
     for word, kind in (kinds | {"dynamic_friction": "Fc"}).items():
         columns[word] = np.array([given.get(f"{j}.{kind}", 0.0) for j in robot.joints])
     names = [re.escape(joint) for joint in robot.joints]  # Isaac Lab reads them as patterns
+    title = for_python(robot.title or robot.name)
+    late = max(delay or 0.0, 0.0)
+    rows = "\n".join(_actuator_rows(names, columns))
     text = ACTUATORS.format(
-        title=for_python(robot.title or robot.name),
-        delay=max(delay or 0.0, 0.0),
+        title=title,
+        delay=late,
         joints=for_python(names),
-        rows="\n".join(_actuator_rows(names, columns)),
+        rows=rows,
     )
     return write_text(out, text)
 

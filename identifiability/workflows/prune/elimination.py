@@ -137,9 +137,10 @@ class Refits:
         member = np.vstack([np.ones(train.shape[1]), train])
         _, to_x, both = full.estimator.equations(information, full)
         # Prior knowledge counts in each.
+        behind = (0, len(both) - member.shape[1])
         member = np.pad(
             member,
-            ((0, 0), (0, len(both) - member.shape[1])),
+            ((0, 0), behind),
             constant_values=1.0,
         )
         sums = np.tensordot(member, both, 1)
@@ -234,7 +235,8 @@ class WhitenedRegression:
         free = np.array(list(map(len, partitions)))
         delta = self.refits.along(turn, free)
         values = (self.refits.centre + delta) @ self.inverse.T
-        left = np.concatenate([-delta[:, 1:], np.ones((len(free), self.folds.count, 1))], 2)
+        ones = np.ones((len(free), self.folds.count, 1))
+        left = np.concatenate([-delta[:, 1:], ones], 2)
         squares = self.tests.squares_of_blocks(left)
         about = (self.variation, self.folds.ratio)
         density = self._densities(left, turn, free)
@@ -319,9 +321,11 @@ def whiten_regression(
     folds = folds or Folds.of(information, float(full.times.max()))
     residual = information.reduce(turned, information.columns, turned @ R[:k, k])
     tests = residual.summed(folds.tested)
+    lost = {*range(len(columns))} - {*kept}
+    unit = np.eye(len(columns))[:, kept]
     return WhitenedRegression(
-        start=Partition.of(columns, {*range(len(columns))} - {*kept}),
-        inverse=np.eye(len(columns))[:, kept] @ turned,
+        start=Partition.of(columns, lost),
+        inverse=unit @ turned,
         unit=max(full.unit, least_noise(information)),
         tests=tests,
         gram=_see(information, full, R, tests),
@@ -438,7 +442,9 @@ class Remaining:
         moves = [m for m in moves if not plan.kept.intersection(m.zero)]
         bound = paired.union(p.alive(plan.kept))
         singles = [g for g in p.leaders if g not in bound]
-        spread = np.maximum(np.linalg.norm(self.X[singles], axis=1), SATISFIED * self.size[singles])
+        lengths = np.linalg.norm(self.X[singles], axis=1)
+        least = SATISFIED * self.size[singles]
+        spread = np.maximum(lengths, least)
         costs = [*(self.values[singles] / spread) ** 2, *map(self.cost, moves)]
         if not costs:
             return None
@@ -584,10 +590,12 @@ def find_path(
         zero = tuple(c for c in move.zero if c not in forbid)
         usable.append(replace(move, zero=zero))
     asked = phrase("pruned", "asked")
+    pairs = tuple(m for m in usable if m.kind is Kind.MERGE)
+    forced = tuple(Move(Kind.FORCED, (c,), why=asked) for c in force)
     plan = Plan(
         suggested=tuple(usable),
-        pairs=tuple(m for m in usable if m.kind is Kind.MERGE),
-        forced=tuple(Move(Kind.FORCED, (c,), why=asked) for c in force),
+        pairs=pairs,
+        forced=forced,
         kept=frozenset(forbid),
     )
     walked, refused = walk(measured, plan)

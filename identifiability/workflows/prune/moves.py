@@ -355,9 +355,12 @@ def _are_alike(robot: Robot, parts: Sequence[list[Attachment]], a: int, b: int) 
     joints = robot.tree.joints
     links = (robot.links[a], robot.links[b])
     one, other = (joints[link.first : link.last + 1] for link in links)
-    if [j.kind for j in one] != [j.kind for j in other] or len(parts[a]) != len(parts[b]):
+    first_kinds = [j.kind for j in one]
+    second_kinds = [j.kind for j in other]
+    if first_kinds != second_kinds or len(parts[a]) != len(parts[b]):
         return False
-    if not all(p.equals(q) for p, q in zip(parts[a], parts[b], strict=True)):
+    pairs = zip(parts[a], parts[b], strict=True)
+    if not all(p.equals(q) for p, q in pairs):
         return False
     apart = [_place(u) - _place(v) for u, v in zip(one, other, strict=True)]
     if links[0].parent == WORLD:

@@ -88,6 +88,8 @@ class PrunedModel(ModelResult):
     def row(self) -> dict[str, Any]:
         """Return the model as one row of the ladder."""
         move = self.step.move
+        text = move.text if move is not None else ""
+        kind = move.kind.value if move is not None else ""
         return super().row() | {
             "error_ra_unseen": self.error_ra_unseen,
             "error_ra_unseen_se": self.error_se,
@@ -95,8 +97,8 @@ class PrunedModel(ModelResult):
             "density_se": self.density_se,
             "weight": self.weight,
             "worst_sigma_robust_percent": self.worst_sigma_percent,
-            "move": move.text if move is not None else "",
-            "kind": move.kind.value if move is not None else "",
+            "move": text,
+            "kind": kind,
             "reason": self.reason,
         }
 
@@ -126,10 +128,11 @@ class Ladder(Laddered[PrunedModel]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values."""
+        refused = [
+            {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
+        ]
         return super().to_dict() | {
-            "refused": [
-                {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
-            ],
+            "refused": refused,
             "ladder": self.model_text,
             "effects": list(self.effects),
             "seed": self.settings["seed"],

@@ -190,18 +190,20 @@ def _reduce(
     chosen = measured["models"][selected]
     loads = report_loads(data, question.start, chosen.error_ra, chosen.used[1])
     hints = *loads, *_hint(question.rows, measured["models"], selected), thinned
+    remarks = tuple(filter(None, hints))
+    shared = question.shared.together(full_model(data.structure.base))
     return Ladder(
         structure=data.structure,
         samples=data.samples,
         validation=data.validation,
-        hints=tuple(filter(None, hints)),
+        hints=remarks,
         recordings=data.recordings,
         information=question.rows.information,
         start=question.start,
         selected=selected,
         least=best_step(search.steps),
         refused=search.refused,
-        late=question.shared.together(full_model(data.structure.base)),
+        late=shared,
         source=source,
         settings=settings,
         **measured,
@@ -269,11 +271,14 @@ def walk_down(
     noise = find_noise(data.missing.noise, rows.information)
     curves = profile_shapes(data.structure, data.samples, noise, start.columns)
     limits = limit_moves(data.structure, start.columns, curves)
+    rows_reduced = start.reduce(rows.information)
+    whitened_reduced = None if whitened is None else start.reduce(whitened)
+    proposed = propose_moves(data.structure, start.columns)
     return find_path(
-        start.reduce(rows.information),
-        whitened=None if whitened is None else start.reduce(whitened),
+        rows_reduced,
+        whitened=whitened_reduced,
         variation=rows.unweighted.variation * signal,
-        suggested=[*limits, *propose_moves(data.structure, start.columns)],
+        suggested=[*limits, *proposed],
         forbid=forbid,
         force=force,
         method=question.estimator,
@@ -284,12 +289,15 @@ def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> t
     """Return findings on robot file, logs and their cut-off."""
     data = rows.data
     other = of_key(data.hints, "alternative")
+    foreign = _state_foreign(models[0]) if data.validation else ""
+    others = (hint for hint in data.hints if hint not in other)
+    band = () if data.recordings.commanded else say_band(data.band)
     return (
         *other,  # under which all is said
-        _state_foreign(models[0]) if data.validation else "",
+        foreign,
         rows.outlier_hint,
-        *(hint for hint in data.hints if hint not in other),
-        *(() if data.recordings.commanded else say_band(data.band)),
+        *others,
+        *band,
         *say_of_fit(data, models[selected], data.missing.functions),
     )
 
@@ -487,9 +495,10 @@ def measure_models(
     models = [pruned.withdraw(nothing) for pruned in models] if nothing else models
     account = int(result.physical_used)
     folds = search.whitened.folds
+    everywhere = predict_everywhere(data, chosen, account, folds)
     return {
         "models": tuple(models),
-        "everywhere": predict_everywhere(data, chosen, account, folds),
+        "everywhere": everywhere,
         "nothing": nothing,
         "missing": data.missing,
     }
@@ -527,6 +536,8 @@ def judge_step(
     density = steps[k].score.gain(best.score)
     error = Evidence.of(steps[k].errors, best.errors).error
     accounts = [k] if robot is None else range(len(steps), len(steps) + ACCOUNTS)
+    fitted = found.fitted.select(accounts)
+    unseen = found.unseen.select(accounts)
     return PrunedModel(
         step=steps[k],
         submodel=submodel,
@@ -535,8 +546,8 @@ def judge_step(
         verdicts=verdicts,
         infeasible=infeasible,
         physical=robot,
-        fitted=found.fitted.select(accounts),
-        unseen=found.unseen.select(accounts),
+        fitted=fitted,
+        unseen=unseen,
         crossed=found.crossed.select(accounts),
         spread=error.se,
         density=density.value,

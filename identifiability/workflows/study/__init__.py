@@ -148,10 +148,11 @@ def new_study(
         if new:
             folder.rmdir()
         raise
+    written = tuple(folder / name for name in whole)
     return Study(
         folder=folder,
         robot=source.name,
-        written=tuple(folder / name for name in whole),
+        written=written,
         fitted=tuple(fitted),
         held_back=held_back,
         has_logs=has_logs,
@@ -175,11 +176,12 @@ def _facts_of_case(
 ) -> dict[str, str]:
     """Return the values of a new case file, as TOML."""
     held_out = [] if held_back is None else [held_back]
+    body = toml_key(known.bodies[-1])
     return {
         "ROBOT": for_toml(robot),
         "LOGS": for_toml(list(fitted)),
         "HELD_OUT": for_toml(held_out),
-        "BODY": toml_key(known.bodies[-1]),
+        "BODY": body,
     }
 
 
