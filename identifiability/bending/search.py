@@ -84,7 +84,8 @@ class Problem:
 
     def _fit_noise(self, bent: Sequence[Array]) -> list[tuple[Array, float]]:
         """Return taps and size of the noise of each joint, by the richest model."""
-        everything = [np.concatenate(x, 2) for x in zip(self.columns, self.beside, strict=True)]
+        pairs = zip(self.columns, self.beside, strict=True)
+        everything = [np.concatenate(x, 2) for x in pairs]
         rows = np.concatenate([x.reshape(-1, x.shape[2]) for x in everything])
         torque = [y - x for y, x in zip(self.torque, bent, strict=True)]
         target = np.concatenate([y.ravel() for y in torque])
@@ -146,7 +147,9 @@ class Problem:
 
     def _linear(self) -> Array:
         """Return the whitened columns of model and rivals, and the prior of the rivals."""
-        out = np.concatenate([self.whiten(self.columns), self.whiten(self.beside)], axis=1)
+        columns = self.whiten(self.columns)
+        beside = self.whiten(self.beside)
+        out = np.concatenate([columns, beside], axis=1)
         rivals = self.beside[0].shape[2]
         sizes = np.repeat(RULES.rivals, self.n)[:rivals]
         if rivals:
@@ -171,15 +174,18 @@ class Problem:
         y = self.whiten(self.torque)
         linear = self._linear()
         rivals = np.zeros(linear.shape[1] - b)
-        numbers = np.log(np.concatenate([springs.frequency.ravel(), springs.ratio.ravel()]))
+        shapes = [springs.frequency.ravel(), springs.ratio.ravel()]
+        numbers = np.log(np.concatenate(shapes))
         if not m:
             values = _solve(linear, y)
             left = y - linear @ values
-            return Fit(springs, values[:b], values[b:], float(left @ left), np.zeros((0, 0)))
+            no_covariance = np.zeros((0, 0))
+            return Fit(springs, values[:b], values[b:], float(left @ left), no_covariance)
         limit = np.repeat(LARGEST, m)
         left, jacobian = self._linearise(springs.joints, numbers, change, rivals, y, linear)
         if not np.abs(left).max() < UNSTABLE * np.abs(y).max():
-            return Fit(springs, change, rivals, np.inf, np.full((2 * m, 2 * m), np.nan))
+            unknown = np.full((2 * m, 2 * m), np.nan)
+            return Fit(springs, change, rivals, np.inf, unknown)
         for _ in range(steps):
             change_of = _solve(jacobian, left)
             step = change_of[: 2 * m]
@@ -477,7 +483,8 @@ def _describe(
     joint = fit.springs.joints[at]
     frequency = float(fit.springs.frequency[0, at])
     # A stiffness goes with the square of its frequency.
-    sd = float(np.hypot(2.0 * np.sqrt(fit.covariance[at, at]), RULES.model_error))
+    variance = fit.covariance[at, at]
+    sd = float(np.hypot(2.0 * np.sqrt(variance), RULES.model_error))
     stiffness = float(fit.springs.stiffness(problem.inertia)[0, at])
     # Frequency and damping ratio were those of the first inertia.
     inertia = float(mean_inertia(problem.stretches[0], fit.change)[joint])

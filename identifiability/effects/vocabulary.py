@@ -252,4 +252,5 @@ def every_parameter(
     effects = [family.effect for family in reversed(FAMILIES.values())]
     placed = [e.placed("*") for e in effects if isinstance(e, AlongAxes) and e.placeable]
     weight = Payload(robot.gravity)
-    return {p.name: p for e in (weight, *placed, *effects) for p in e.parameters(robot)}
+    every = (weight, *placed, *effects)
+    return {p.name: p for e in every for p in e.parameters(robot)}

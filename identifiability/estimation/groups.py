@@ -379,7 +379,8 @@ class Missing:
             entries = rows.entries(own)
         p = self.fixed
         width = len(self.scale)
-        model = [np.flatnonzero(x.any(0)) for x in self.seen.X.swapaxes(0, 1)]
+        of_joints = self.seen.X.swapaxes(0, 1)
+        model = [np.flatnonzero(x.any(0)) for x in of_joints]
         acting = [sorted(k for i, k in entries if i == j) for j in range(len(model))]
         pairs = zip(model, acting, strict=True)
         columns = [np.concatenate([own, np.array(at, int) + p, [p + width]]) for own, at in pairs]
@@ -456,18 +457,20 @@ class Missing:
         precision = np.diag(scale[columns] ** 2 / term.variance)
         known_prior = block_diag(prior if prior.size else np.zeros((p, p)), precision)
         zeros = np.zeros(len(columns))
+        mean = np.append(plain.mean, zeros)
         return replace(
             plain,
             fixed=p + len(columns),
             prior=known_prior,
-            mean=np.append(plain.mean, zeros),
+            mean=mean,
         )
 
     def values(self) -> Array:
         """Return the values of the model's columns if nothing is missing, (p,)."""
         model = self.model()
         centre = self.seen.centre
-        return (model.solve().value / model.scale[: model.fixed])[: len(centre)] + centre
+        scale = model.scale[: model.fixed]
+        return (model.solve().value / scale)[: len(centre)] + centre
 
 
 def with_reversals(
@@ -664,7 +667,9 @@ PAUSE: Tolerance = 0.05
 def divide(rows: int) -> tuple[int, int]:
     """Return the end of the fitted part of the only log, and the start of the held-out part."""
     end = (1 - LAST) * rows
-    return int((1 - PAUSE) * end), int(np.ceil(end + PAUSE * (rows - end)))
+    start = int((1 - PAUSE) * end)
+    stop = np.ceil(end + PAUSE * (rows - end))
+    return start, int(stop)
 
 
 def find_missing(

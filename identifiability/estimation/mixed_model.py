@@ -86,7 +86,8 @@ def whitened_information(
     names = [str(k) for k in range(columns[0][-1])]
     counts = np.diff(edges)
     data = np.repeat(counts[:, None], len(parts), 1)
-    return Information(tuple(names), tuple(parts), counts, data, np.zeros(len(counts), int))
+    one_log = np.zeros(len(counts), int)
+    return Information(tuple(names), tuple(parts), counts, data, one_log)
 
 
 # Groups, and the terms of a model.
@@ -238,9 +239,8 @@ class MixedModel:
     def solve(self, terms: Terms = ()) -> Solution:
         """Return values, their covariance and the restricted likelihood with some terms."""
         columns = self._columns(terms)
-        return self._solve(
-            terms, columns, self._between(columns[:, None], columns), self.target[columns]
-        )
+        among = self._between(columns[:, None], columns)
+        return self._solve(terms, columns, among, self.target[columns])
 
     def _columns(self, terms: Terms) -> np.ndarray:
         """Return the columns of the fixed model and some terms."""
@@ -302,14 +302,16 @@ class MixedModel:
         along = s.root @ self._between(s.columns[:, None], every)
         left = self.target[every] - along.T @ s.half
         widths = np.array([len(at) for at in sets])
-        positive = np.repeat([g.positive for g in asked], [len(g.members) for g in asked])
+        sizes = [len(g.members) for g in asked]
+        positive = np.repeat([g.positive for g in asked], sizes)
         rises, signs = np.zeros((2, len(sets), len(self.sizes)))
         for width in np.unique(widths):
             own = np.flatnonzero(widths == width)
             some = np.array([sets[k] for k in own])
             where = np.searchsorted(every, some)
             scale = self.scale[some]
-            S = self.products.among(some) / (scale[:, :, None] * scale[:, None, :])
+            units = scale[:, :, None] * scale[:, None, :]
+            S = self.products.among(some) / units
             rises[own], signs[own] = self.rise(S, along[:, where], left[where], positive[own])
         out = []
         stop = 0
@@ -322,7 +324,8 @@ class MixedModel:
                 likeliest = int(np.argmax(narrowest.max(1)))
                 each = each + np.where(narrow, signs[at], signs[at][likeliest])
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
-            odds = float(np.logaddexp.reduce(each.ravel()) - np.log(each.size)) - g.price
+            likely = np.logaddexp.reduce(each.ravel())
+            odds = float(likely - np.log(each.size)) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
         # Ties keep their order in spite of rounding.
         return sorted(out, key=lambda t: -round(t.odds, 6))
@@ -376,7 +379,8 @@ class MixedModel:
         along = s.root @ self._between(s.columns[:, None], every)
         whole = self._between(every[:, None], every)
         planted = np.zeros(len(every))
-        planted[np.searchsorted(every, group.members[0])] = towards * self.scale[group.members[0]]
+        scales = self.scale[group.members[0]]
+        planted[np.searchsorted(every, group.members[0])] = towards * scales
         left = (whole - along.T @ along) @ planted
         information = float(planted @ left)
         if not information > THIN * float(planted @ whole @ planted):
@@ -389,9 +393,11 @@ class MixedModel:
             S = np.broadcast_to(block, (len(AMOUNTS), len(at), len(at)))
             directions = along[:, None, at]
             part = np.broadcast_to(directions, (len(along), len(AMOUNTS), len(at)))
-            rises.append(self.rise(S, part, standard_error * AMOUNTS[:, None] * left[at])[0])
+            amounts = standard_error * AMOUNTS[:, None] * left[at]
+            rises.append(self.rise(S, part, amounts)[0])
         each = np.concatenate(rises, axis=1)
-        odds = np.logaddexp.reduce(each, axis=1) - np.log(each.shape[1]) - group.price
+        likely = np.logaddexp.reduce(each, axis=1)
+        odds = likely - np.log(each.shape[1]) - group.price
         named = AMOUNTS[int(np.argmax(odds >= RULES.name))]
         return float((named + SEEN) * standard_error)
 

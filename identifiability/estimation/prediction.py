@@ -69,7 +69,8 @@ class TorqueUncertainty:
         endless = np.abs(W @ self.unknown) > 1e-5
         variance[endless.any(2)] = np.inf
         few = stdtrit(self.dof, ENDS[1])
-        low, raw = (few * np.sqrt(variance + sd**2) for sd in (self.low, self.raw))
+        deviations = (self.low, self.raw)
+        low, raw = (few * np.sqrt(variance + sd**2) for sd in deviations)
         return REACH * np.sqrt(variance), low, raw
 
 
@@ -239,9 +240,8 @@ class Prediction:
         own = [log == k for k in range(len(t))]
         errors = [sum_errors([(x[k], data[k]) for x in (tau, raw)], predicted[k]) for k in own]
         samples = tuple(t), tau, raw, log, data
-        return Prediction(
-            len(tau), ~is_constant(low, high), *samples, np.stack(errors, 2), predicted
-        )
+        errors_each = np.stack(errors, 2)
+        return Prediction(len(tau), ~is_constant(low, high), *samples, errors_each, predicted)
 
     @property
     def residual(self) -> Array:
@@ -267,14 +267,18 @@ class Prediction:
         """
         tau = (self.raw if raw else self.tau)[at]
         data = self.data[at]
-        mean = np.sum(tau, axis=axis, where=data) / np.maximum(data.sum(axis), 1)
+        sums = np.sum(tau, axis=axis, where=data)
+        counts = np.maximum(data.sum(axis), 1)
+        mean = sums / counts
         some = data * (self.signal if axis == 0 else self.signal.any())
         return np.abs(tau - mean) * some
 
     def select(self, models: Sequence[int]) -> Prediction:
         """Return the prediction of some models."""
         at = list(models)
-        return replace(self, errors=self.errors[..., at], predicted=self.predicted[:, :, at])
+        errors = self.errors[..., at]
+        predicted = self.predicted[:, :, at]
+        return replace(self, errors=errors, predicted=predicted)
 
     def relative_error(self, log: int | None = None, *, raw: bool = False) -> Array:
         """Return ε_RA of each model, (m,); NaN where there is nothing to explain.

@@ -173,12 +173,13 @@ def name_columns(
     )
     locked = tuple(_in_si(c, units or {}, source, known) for c in held)
     commands = tuple(g.name for g in own if commanding and g.kind in COMMANDS)
+    made = () if "tau" in needed else tuple(f"{j}.tau" for j in wanted)
     return Naming(
         tuple(columns),
         wanted,
         notes,
         locked=locked,
-        made=() if "tau" in needed else tuple(f"{j}.tau" for j in wanted),
+        made=made,
         commands=commands,
     )
 
@@ -481,13 +482,14 @@ def _tell(
     renamed = [f"{a.strip()} is {b}" for a, b in names.items() if a.strip() != b]
     undriven = [*dict.fromkeys(_owner(n) for n in left if _owner(n) not in wanted)]
     converted = [f"{c.name} from {c.unit.text}" for c in own if c.unit and c.unit.factor != 1.0]
+    understood = [
+        f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}"
+        for c in own
+        if not c.literal
+    ]
     told = {
         "columns were renamed ({})": renamed,
-        f"columns were read by the usual meaning of their names: {{}}{how}": [
-            f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}"
-            for c in own
-            if not c.literal
-        ],
+        f"columns were read by the usual meaning of their names: {{}}{how}": understood,
         "columns of {}, which the robot does not drive, were left out": undriven,
         "values were converted to SI units, as the log states them: {}": converted,
     }

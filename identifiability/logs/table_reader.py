@@ -76,7 +76,8 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
         why = "values were written again until new ones came"
         for kind in {name.rpartition(".")[2] for name in known}:
             own = [name for name in known if name.endswith(f".{kind}")]
-            known |= dict.fromkeys(own, _fresh(np.stack([values[name] for name in own], 1)))
+            columns = [values[name] for name in own]
+            known |= dict.fromkeys(own, _fresh(np.stack(columns, 1)))
         if all(rows.all() for rows in known.values()):
             return same
     counts = {name: int(rows.sum()) for name, rows in known.items()}
@@ -273,7 +274,8 @@ class TableReader:
         held = frame[sources].apply(to_floats).ffill()
         held = held if self._last is None else held.fillna(self._last)
         self._last = held.iloc[-1] if len(held) else self._last
-        return frame.assign(**{str(c): held[c] for c in held}).dropna(subset=sources)
+        commands = {str(c): held[c] for c in held}
+        return frame.assign(**commands).dropna(subset=sources)
 
     def _begin(self, frame: pd.DataFrame) -> None:
         """Assign the columns by the first rows."""

@@ -110,7 +110,8 @@ def thick_inertia(theta: Array, name: str) -> Array:
             f"CAD prior: {name}: the nominal body is a point or has no mass. A log-det prior needs "
             "bodies with extent; correct the robot file."
         )
-    J[:3, :3] += (axes * np.maximum(THIN * size - spread, 0.0)) @ axes.T
+    lacking = np.maximum(THIN * size - spread, 0.0)
+    J[:3, :3] += (axes * lacking) @ axes.T
     return J
 
 
@@ -254,7 +255,8 @@ def combine_with_file(
     root = (Vt[known].T / s[known]) / size[:, None]
     phi = root @ (U[:, known].T @ np.concatenate([aim, prior]))
     sd = np.linalg.norm(to_x @ root, axis=1)
-    unknown = to_x * size @ (np.eye(len(size)) - Vt[known].T @ Vt[known])
+    seen = Vt[known].T @ Vt[known]
+    unknown = to_x * size @ (np.eye(len(size)) - seen)
     unknown_size = np.linalg.norm(unknown, axis=1)
     scale = np.linalg.norm(to_x * size, axis=1)
     lost = unknown_size > np.sqrt(ROUNDOFF) * scale

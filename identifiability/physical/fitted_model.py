@@ -105,7 +105,9 @@ class PhysicalSet:
     @cached_property
     def cone_map(self) -> Array:
         """(nb, 16, p): ``cone_map @ phi`` are the dimensionless pseudo-inertias, flattened."""
-        scaled = BASIS / (self.root[:, None, :, None] * self.root[:, None, None, :])
+        scale_rows = self.root[:, None, :, None]
+        scale_columns = self.root[:, None, None, :]
+        scaled = BASIS / (scale_rows * scale_columns)
         rows = np.zeros((len(self.bodies), 16, self.size))
         for k, columns in enumerate(self.bodies):
             rows[k][:, columns] = scaled[k].reshape(10, 16).T
@@ -333,9 +335,11 @@ class LeastSquares:
         scale = or_one(np.sqrt(np.diag(C)))
         hidden = scipy.linalg.orth(unknown / scale[:, None])
         shown = scipy.linalg.null_space(hidden.T) if hidden.size else np.eye(len(C))
-        variance, axes = np.linalg.eigh(shown.T @ (C / np.outer(scale, scale)) @ shown)
+        scales = np.outer(scale, scale)
+        variance, axes = np.linalg.eigh(shown.T @ (C / scales) @ shown)
         # A direction with less than this share of the largest variance is known.
-        sd = np.sqrt(np.maximum(variance, 1e-14 * max(variance.max(initial=0.0), 1.0)))
+        largest = variance.max(initial=0.0)
+        sd = np.sqrt(np.maximum(variance, 1e-14 * max(largest, 1.0)))
         rows = ((shown @ axes) / sd).T / scale
         return LeastSquares(rows, rows @ mean, rss_min=1.0, dof=1.0)
 
@@ -411,7 +415,8 @@ class Fixed:
         out = np.array(phi)
         rows = self.rows[self.alone]
         at = np.argmax(rows != 0, axis=1)
-        out[..., at] = self.value[self.alone] / rows[np.arange(len(at)), at]
+        coefficients = rows[np.arange(len(at)), at]
+        out[..., at] = self.value[self.alone] / coefficients
         return out
 
     def span(self, scale: Array) -> tuple[Array, Array]:

@@ -54,7 +54,8 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     if not shows or not (np.abs(np.log(share)) > most).all():
         return []
     how = phrase("unit", "alike" if np.ptp(np.log(share)) < most else "apart")
-    multiple = " … ".join(dict.fromkeys(f"{x:.2g}" for x in (share.min(), share.max())))
+    ends = (share.min(), share.max())
+    multiple = " … ".join(dict.fromkeys(f"{x:.2g}" for x in ends))
     return [
         Finding(
             "unit",
@@ -238,7 +239,8 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
     still = [j for j, r, s in states if not r and s]
     if not (still and any(s.outputs for s in surveys)):
         return []
-    at = dict(zip(logs.robot.joints, np.median(logs.motion.actuated_q, 0), strict=True))
+    medians = np.median(logs.motion.actuated_q, 0)
+    at = dict(zip(logs.robot.joints, medians, strict=True))
     places = [f"{joint}={at[joint]:.4g}" for joint in still if joint in at]
     locks = " ".join(option_for_shell("--lock", place) for place in places)
     columns = tuple(f"{j}.tau" for j in still)

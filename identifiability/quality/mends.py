@@ -30,12 +30,14 @@ from .registry import Does, RawLogs, check, mend_each
 def find_silent(log: Log) -> tuple[Log, list[Finding]]:
     """Report rows in which torque was not measured; the fit omits these equations."""
     gone = np.zeros(len(log.joints), int) if log.unmeasured is None else log.unmeasured.sum(0)
-    lost = {j: n for j, n in zip(log.joints, gone.tolist(), strict=True) if n}
+    counts = zip(log.joints, gone.tolist(), strict=True)
+    lost = {j: n for j, n in counts if n}
     if not lost:
         return log, []
     where = [phrase("silent", "one", joint=j, rows=n, all=len(log)) for j, n in lost.items()]
     columns = [f"{j}.tau" for j in lost]
-    said = Finding("silent", log.name, where=where, rows=max(lost.values()), columns=columns)
+    rows = max(lost.values())
+    said = Finding("silent", log.name, where=where, rows=rows, columns=columns)
     return log, [said]
 
 
@@ -97,7 +99,9 @@ def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, i
             little = RULES.moving * np.ptp(log.q[:, k])
             # No motor at its limit moves a joint there and back again, beyond both its ends.
             ends = path[[0, -1]]
-            back = min(path.max() - ends.max(), ends.min() - path.min()) > little
+            above = path.max() - ends.max()
+            below = ends.min() - path.min()
+            back = min(above, below) > little
             limit = log.tau[a, k] in (low[k], high[k]) and not back
             lost = log.unmeasured is not None and log.unmeasured[a, k]
             turned = change[b - 1] < step
@@ -156,7 +160,8 @@ def find_runs(x: Array) -> list[tuple[int, int]]:
 def unwrap_log(log: Log) -> tuple[Log, list[Finding]]:
     """Return a log with unwrapped angles, and the findings."""
     found = [find_wraps(x) for x in log.q.T]
-    wraps = {j: w for j, w in zip(log.joints, found, strict=True) if w is not None}
+    pairs = zip(log.joints, found, strict=True)
+    wraps = {j: w for j, w in pairs if w is not None}
     if not wraps:
         return log, []
     rows = sum(len(w.rows) for w in wraps.values())

@@ -119,7 +119,9 @@ def away_from_ends(excerpt: Excerpt) -> np.ndarray:
         at = excerpt.log == k
         first, last = excerpt.t[at][[0, -1]]
         end = min(DELAYS[-1], (last - first) / (2 * BLOCKS))
-        inside[at] = (excerpt.t[at] >= first + end) & (excerpt.t[at] <= last - end)
+        begun = excerpt.t[at] >= first + end
+        not_ended = excerpt.t[at] <= last - end
+        inside[at] = begun & not_ended
     return inside
 
 

@@ -87,7 +87,8 @@ class ActuatorBlocks:
         """Return the blocks of ``[W τ] map_``, for a map (k + 1, m + 1) that keeps the torque."""
         k, m = np.subtract(map_.shape, 1)
         columns = np.flatnonzero(map_[self.columns, :m].any(0))
-        basis = self.coordinates @ map_[np.ix_([*self.columns, k], [*columns, m])]
+        entries = np.ix_([*self.columns, k], [*columns, m])
+        basis = self.coordinates @ map_[entries]
         # Blocks stay in a basis that is larger than the requested columns by up to this factor: to
         # turn all of them costs more than to look at them many times.
         if len(basis) > 1.25 * basis.shape[1]:
@@ -582,7 +583,8 @@ def gather_information(
     acts = _acting(regression)
     # Fits hold a block's equations of all columns in some four copies.
     widths = acts.sum(1) + 1
-    room = LARGEST // (8 * max(int((widths**2).sum()), 4 * len(names) ** 2))
+    squares = (widths**2).sum()
+    room = LARGEST // (8 * max(int(squares), 4 * len(names) ** 2))
     size = max(1, -(-regression.outputs // min(blocks, max(room, FEWEST))))
     edges = [_block_edges(samples, size) for samples in regression.samples]
     pairs = zip(edges, regression.samples, strict=True)

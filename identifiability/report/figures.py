@@ -289,10 +289,11 @@ def row_canvas(
     count = max(len(names), 1)
     bottom = 38
     left = min(label_width(names), 0.45 * WIDTH)
+    margins = (left, right, top, bottom)
     figure, (axes,) = canvas(
         WIDTH,
         top + bottom + row * count,
-        (left, right, top, bottom),
+        margins,
     )
     axes.set_ylim(count - 0.5, -0.5)
     axes.set_yticks([])

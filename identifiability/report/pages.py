@@ -220,7 +220,8 @@ def section_effects(d: Diagnosis) -> Section:
     if d.possible:
         table = make_table("possible", map(_odds_row, d.possible))
         possible = Fold(sentence("diagnosis.possible"), (table,))
-    blocks = (*d.tables()[:-1], *(found if rows else ()), refuted, possible)
+    upper = d.tables()[:-1]
+    blocks = (*upper, *(found if rows else ()), refuted, possible)
     nothing = sentence("diagnosis.nothing") if not any(blocks) else None
     return section("diagnosis.effects", *blocks, nothing)
 
@@ -266,13 +267,14 @@ def _section_gap(d: Diagnosis) -> Section:
     joints = [d.robot.joints[k] for k in order]
     units = [d.robot.torque_units[k] for k in order]
     lines = {"before": before, "after": after}
+    caption = sentence("diagnosis.traces", seconds=f"{STRETCH:g}")
     shown = traces(
         t[: len(part)],
         joints,
         units,
         lines,
         "residual",
-        sentence("diagnosis.traces", seconds=f"{STRETCH:g}"),
+        caption,
     )
     return section("diagnosis.gap", shown, d.tables()[-1])
 
@@ -472,10 +474,11 @@ def inspection_sections(result: Inspection) -> list[Section]:
         *same,
     )
     parts_of = (Fold(part.title, (Prose((part.lead,)), *part.blocks)) for part in own)
+    preparations = map(_preparation, result.records)
     return [
         section("inspection.motion", motion),
         traces,
-        section("inspection.clock", clock, *map(_preparation, result.records)),
+        section("inspection.clock", clock, *preparations),
         section(
             "inspection.robot",
             *parts_of,
@@ -528,12 +531,13 @@ def _robot(result: Inspection) -> list[Section]:
     groups = zip(base.names, base.units, base.labels, strict=True)
     joint_section = section("inspection.joints", phrase("needs", "naming"), joints)
     grouped = (make_table("grouped", groups),)
+    effects = ", ".join(result.effects)
     parameters = section(
         "inspection.parameters",
         Fold(f"All {base.rank} base parameters", grouped),
         count=base.rank,
         standard=len(base.parameters),
-        effects=", ".join(result.effects),
+        effects=effects,
     )
     found = [
         joint_section,
@@ -706,7 +710,8 @@ def _positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
     log = result.logs[0]
     robot = result.robot
-    lines = {"measured": log.q, **{run.name: run.q[0] for run in result.runs}}
+    simulated = {run.name: run.q[0] for run in result.runs}
+    lines = {"measured": log.q, **simulated}
     if log.q_ref is not None:
         lines["command"] = log.q_ref
     shown = traces(

@@ -62,7 +62,8 @@ class _Parts:
         """Width of a body [m]."""
         tree = self.tree
         arms = [np.linalg.norm(j.translation) for j in tree.joints if j.parent != WORLD]
-        size = float(np.ptp([x[0] for x in self.points], axis=0).max())
+        starts = [x[0] for x in self.points]
+        size = float(np.ptp(starts, axis=0).max())
         lengths = [x for x in arms if x > 0.05 * size]
         usual = float(np.median(lengths)) if lengths else size
         # In proportion to the distances between joints, and to the whole robot.
@@ -217,9 +218,10 @@ def move_skeletons(
 
 def _frames(t: Array) -> np.ndarray:
     """Return the rows of times (N,) that are drawn."""
+    many = (t[-1] - t[0]) * FRAMES_A_SECOND
     frames = int(
         np.clip(
-            (t[-1] - t[0]) * FRAMES_A_SECOND,
+            many,
             2,
             MOST_FRAMES,
         )
@@ -278,7 +280,8 @@ def move_with_torque(
             )
         )
     joint = int((size if residual is None else (share**2).mean(0)).argmax())
-    rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
+    last = len(motion.t) - 1
+    rows = np.searchsorted(motion.t, t[:end]).clip(0, last)
     name = robot.joints[joint]
     unit = robot.torque_units[joint]
     how = how or ("loaded" if residual is None else "missed")
@@ -317,7 +320,8 @@ def move_with_torque(
         return moving
     owners = {dof: k for k, one in enumerate(robot.tree.joints) for dof in one.dofs}
     misses = np.zeros((moving.frames, moving.joints))
-    misses[:, [owners[j] for j in robot.joints]] = share[_frames(t[:end])]
+    shown = _frames(t[:end])
+    misses[:, [owners[j] for j in robot.joints]] = share[shown]
     return replace(moving, misses=misses)
 
 

@@ -566,12 +566,14 @@ def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
     loops_kept = tuple(x for x in loops if x.first.joint != x.second.joint)
     spans_kept = {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS}
     speeds = {n: x for n, x in stated.speeds.items() if 0 < x < ENDLESS}
+    rests = {**stated.rests, **extra.rest}
+    tendons = tuple(name for name in stated.combinations if name in stated.numbers)
     return {
         "loops": loops_kept,  # else locked
-        "rest": {**stated.rests, **extra.rest},
+        "rest": rests,
         "spans": spans_kept,
         "speeds": speeds,
-        "tendons": tuple(name for name in stated.combinations if name in stated.numbers),
+        "tendons": tendons,
         "torque": _measured_torque(extra, stated),
     }
 
@@ -696,7 +698,8 @@ def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
     coupling = np.array(entry.coupling, float) if whole else np.zeros((m, n))
     ratio = np.array(entry.ratio or [1.0] * m)
     offset = np.array(entry.offset or [0.0] * n)
-    fits = ratio.shape == (m,) and offset.shape == (n,) and bool(np.all(ratio))
+    square = ratio.shape == (m,)
+    fits = square and offset.shape == (n,) and bool(np.all(ratio))
     regular = m >= n and coupling.any(axis=1).all() and np.linalg.cond(coupling) * ROUNDOFF < 1
     if not (fits and regular):
         raise RobotError(

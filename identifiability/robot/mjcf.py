@@ -187,7 +187,9 @@ def _forget_looks(spec: Any, more: str) -> None:
     sites = list(spec.sites)  # each look at them takes a while
     for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
         element.material = ""
-    used = {e.meshname for e in (*geoms, *sites)} | {f.name for f in spec.flexes}
+    drawn = {e.meshname for e in (*geoms, *sites)}
+    bent = {f.name for f in spec.flexes}
+    used = drawn | bent
     kinds = f"sensors tuples skins lights materials textures hfields{more}"
     every = [e for kind in kinds.split() for e in getattr(spec, kind)]
     for element in [*every, *(mesh for mesh in spec.meshes if mesh.name not in used)]:
@@ -719,9 +721,11 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     parents = sorted({f.parentJoint for f in frames.values()} - {0})
     start = np.append(home[kept], np.zeros(len(cables)))
     ranges = {name: (float(low), float(high)) for name, (low, high) in limited}
+    with_slides = add_slides(tree, cables, model.nq)
+    radii = _name_frames(model, m, frames)
     return Stated(
         model=model,
-        tree=add_slides(tree, cables, model.nq),
+        tree=with_slides,
         carriers=tuple(parents),
         loops=tuple(_loops(path, m, point)),
         couplings=tuple(couplings),
@@ -740,7 +744,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         servos=find_servos(actuators),
         offsets=find_offsets(actuators),
         base=base,
-        radii=_name_frames(model, m, frames),
+        radii=radii,
         **left,
     )
 

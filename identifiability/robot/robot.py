@@ -60,7 +60,8 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
     about = np.asarray(inertia, float)
     about = np.diag(about) if about.shape == (3,) else about
     given = [mass, *c.ravel(), *about.ravel()]
-    if c.shape != (3,) or about.shape != (3, 3) or not np.isfinite(given).all():
+    misshapen = c.shape != (3,)
+    if misshapen or about.shape != (3, 3) or not np.isfinite(given).all():
         raise RobotError(
             "A body has a mass, a centre of three numbers and an inertia of three moments or a "
             "(3, 3) tensor about that centre; give finite numbers."

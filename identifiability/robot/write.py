@@ -623,7 +623,8 @@ def _write_joint(
         return
     joint.attrib |= texts
     if "stiffness" in stated:
-        rest = robot.rest.get(name, float(robot.dof_position(robot.home[None], name)[0]))
+        home = robot.dof_position(robot.home[None], name)[0]
+        rest = robot.rest.get(name, float(home))
         turned = not robot.is_prismatic(robot.dof_index(name))
         joint.set("springref", f"{np.degrees(rest) if turned and degrees else rest:.17g}")
 
@@ -642,7 +643,8 @@ def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str
         new |= {"servo": given.get("servo", {}) | gains}
     if robot.sidecar is None and not any(new.values()):
         return None
-    return toml_text({k: v for k, v in (given | new).items() if v or k not in new})
+    entries = (given | new).items()
+    return toml_text({k: v for k, v in entries if v or k not in new})
 
 
 def _check_beside(beside: Path, path: Path, *, needed: bool) -> None:

@@ -192,7 +192,8 @@ def _calibrate(
         shares |= {log.name: share} if share else {}
     irregular = []
     if shares:
-        irregular.append(Finding("irregular", names=[*shares], share=100 * max(shares.values())))
+        most = max(shares.values())
+        irregular.append(Finding("irregular", names=[*shares], share=100 * most))
     held_out = [judged(x) if of_commands(x) else x for x in recordings.held_out]
     later = [*_delay_doubts(own, servo, found), *_level_doubts(own, servo)]
     later += [
@@ -283,12 +284,13 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     names = [log.name for log in logs]
     integral = bool(servo.integral.any())
     rms = float(np.sqrt(np.mean(found.errors**2)))
+    late = state_delay(found.delays, names)
     made = phrase(
         "commands",
         "made",
         names=names,
         source=servo.source,
-        late=state_delay(found.delays, names),
+        late=late,
         stated=servo.delay is not None,
         integral=integral,
         after=1e3 * rms,

@@ -140,7 +140,8 @@ class RolloutProblem:
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
         """Return the numbers of a vector, and delays."""
         table = x[: self.over.size].reshape(self.over.shape)
-        numbers = dict(zip(KINDS, table * np.exp(self.over * table[-1]), strict=True))
+        scales = np.exp(self.over * table[-1])
+        numbers = dict(zip(KINDS, table * scales, strict=True))
         gains = self.machine.servo.kp * np.exp(table[-1])
         # An integral replaces any constant torque.
         numbers["off"] = np.where(numbers["ki"] > 0, 0.0, numbers["off"])
@@ -160,7 +161,8 @@ class RolloutProblem:
         """Return the least and largest step, (2, p): no friction or rotor is negative."""
         unbounded = np.isin(KINDS, ("off", "kp")).repeat(len(self.trees))
         low = np.full(len(x), -np.inf)
-        low[: len(unbounded)] = np.where(unbounded, -np.inf, -x[: len(unbounded)])
+        to_zero = -x[: len(unbounded)]
+        low[: len(unbounded)] = np.where(unbounded, -np.inf, to_zero)
         # A command was given at any time since the row before.
         low[self.delays] = -self.dt - x[self.delays]
         lower = np.minimum(low, -1e-12)
@@ -318,7 +320,8 @@ class RolloutProblem:
         trees = self.tree_of[numbers]
         before = [np.sum(trees[:k] == tree) for k, tree in enumerate(trees)]
         turn = np.array(before, int)
-        return [numbers[turn == k] for k in range(int(turn.max(initial=-1)) + 1)]
+        last = int(turn.max(initial=-1))
+        return [numbers[turn == k] for k in range(last + 1)]
 
     def _prior_derivative(self, x: Array, by: Array) -> Array:
         """Return the derivative of the prior's residual by differences, (b, p)."""

@@ -105,7 +105,9 @@ def _errors(
     errors = [np.sqrt(np.mean((q - log.q) ** 2, axis=0)) for q, log in pairs]
     shares = np.nan_to_num(errors / explicable(logs), nan=1e6)
     moves = np.array([window.moves for window in windows])
-    mean: Array = np.sum(shares * moves, axis=0) / np.maximum(moves.sum(0), 1)
+    weighted = np.sum(shares * moves, axis=0)
+    counts = np.maximum(moves.sum(0), 1)
+    mean: Array = weighted / counts
     return mean
 
 
@@ -133,7 +135,8 @@ def balance_torque(
     slope = np.zeros((4, v.shape[1]))
     for j in np.flatnonzero(moves.any(0)):
         used = moves[:, j]
-        motion = [np.sign(v[used, j]), v[used, j], a[used, j]]
+        signs = np.sign(v[used, j])
+        motion = [signs, v[used, j], a[used, j]]
         if np.isnan(servo.kp[j]):
             target = late[used, j]
             columns = np.stack([*motion, gravity[used, j]], axis=1)
@@ -144,7 +147,8 @@ def balance_torque(
     unknown = np.isnan(servo.kp)
     # Gravity that moves a joint by less than the noise of positions does not determine its gain.
     turned = slope[3] * np.sqrt(np.mean(gravity**2, axis=0))
-    told = unknown & (turned > np.max([encoder_noise(window.rows) for window in windows], axis=0))
+    noise = [encoder_noise(window.rows) for window in windows]
+    told = unknown & (turned > np.max(noise, axis=0))
     gains = np.where(told, 1 / or_one(slope[3]), np.nan)
     usual = float(np.nanmedian(gains)) if told.any() else 1.0
     gains = np.where(unknown, np.where(told, gains, usual), servo.kp)

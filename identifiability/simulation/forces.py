@@ -94,7 +94,8 @@ class JointTerms:
         joint stops to its value when the joint breaks away. The integral part of a controller makes
         such torque. Friction is zero before the first motion and after the last one.
         """
-        dry = np.where(speed > 0, self.forward, np.where(speed < 0, -self.backward, 0.0))
+        backward = np.where(speed < 0, -self.backward, 0.0)
+        dry = np.where(speed > 0, self.forward, backward)
         rests = np.concatenate([[False], speed == 0, [False]])
         known = ~rests[1:-1] | ~(rests[:-2] | rests[2:])  # one zero alone is a reversal
         known[[0, -1]] = True
@@ -214,7 +215,8 @@ def _dahl(_speed: Array, position: Array, _load: Array) -> Array:
 def _uneven(speed: Array, position: Array, _load: Array) -> Array:
     """Return dry friction that is high at one end and low at the other, with a bump between."""
     along = _from_end_to_end(position)
-    return np.sign(speed) * (1.0 + along + np.exp(-8 * (along - 0.2) ** 2))
+    peak = np.exp(-8 * (along - 0.2) ** 2)
+    return np.sign(speed) * (1.0 + along + peak)
 
 
 def _play(speed: Array, position: Array, load: Array) -> Array:
@@ -328,7 +330,8 @@ def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
             f"The size of the hidden effect '{text}' is not understood; give its share of the "
             "joint's torque, such as stribeck_friction=0.05."
         )
-    return Hidden(name, share, tuple(j for j in joints.split("+") if j), own.get(name))
+    listed = tuple(j for j in joints.split("+") if j)
+    return Hidden(name, share, listed, own.get(name))
 
 
 def scaled(force: Array, tau: Array, share: float) -> Array:
@@ -359,7 +362,9 @@ def hidden_torque(
         law = hidden.law or HIDDEN.get(hidden.name)
         if law is not None:
             load = without_rounding(rigid.tau, rigid.tau)[:, k]
-            force = law(move.dq[:, k], move.q[:, k] - home[k], load)
+            speed = move.dq[:, k]
+            position = move.q[:, k] - home[k]
+            force = law(speed, position, load)
         else:
             force = _record(move, tau, k, hidden.name)
         out[:, k] = scaled(force, tau[:, k], hidden.share)
@@ -423,7 +428,8 @@ def _whole(
     if hidden.name == "gravity_tilt":
         g = np.array(other.model.opt.gravity)
         # Angle [rad] and mass [kg] of effects of the whole robot before they are scaled.
-        other.model.opt.gravity[:] = g + 1e-3 * np.cross([0.6, 0.8, 0.0], g)
+        across = np.cross([0.6, 0.8, 0.0], g)
+        other.model.opt.gravity[:] = g + 1e-3 * across
     else:
         tip = np.flatnonzero(other.model.body_weldid)[-1]  # the last body that moves
         # Angle [rad] and mass [kg] of effects of the whole robot before they are scaled.

@@ -170,7 +170,8 @@ class CommandedRobot:
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.places = ServoPlaces.of(self.model, robot)
         #: Actuators of the joints, which also subtract offsets.
-        self.actuators = np.array([self.model.actuator(j).id for j in robot.joints], int)
+        numbers = [self.model.actuator(j).id for j in robot.joints]
+        self.actuators = np.array(numbers, int)
         joints, lines = self._forward.bias
         tendons = [cable.name for cable in robot.cables]
         own = self.places.is_joint
@@ -319,7 +320,8 @@ class CommandedRobot:
         """Return positions at the samples of a log, (N, n), of a model with its step."""
         h = model.opt.timestep
         speed = starting_speed(log)
-        steps = int(np.ceil((log.t[-1] - log.t[0]) / h)) + 2
+        duration = log.t[-1] - log.t[0]
+        steps = int(np.ceil(duration / h)) + 2
         # Held commands change between two steps. A step with a share of a change would have a wrong
         # torque of a servo at its limit.
         since = log.commands_since
@@ -458,7 +460,8 @@ def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float
     """
     step = signals.sampling_step(log.t)
     rows = min(max(2, round(window / step)), len(log))
-    starts = np.append(np.arange(0, len(log) - rows, rows), len(log) - rows)
+    regular = np.arange(0, len(log) - rows, rows)
+    starts = np.append(regular, len(log) - rows)
     at = starts[:, None] + np.arange(rows - 1)
     tau = 0.5 * (log.tau[at] + log.tau[at + 1])
     first = (log.q[starts], starting_speeds(log)[starts])

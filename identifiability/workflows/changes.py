@@ -145,9 +145,10 @@ class FeltTorque:
             before = float(np.sqrt(squares))
             signed = float(np.copysign(rms, sizes[0]))
             error = float(np.sqrt(slope @ spread @ slope))
+            unit = seen.robot.torque_units[j]
             out = FeltTorque(
                 joint=joint,
-                unit=seen.robot.torque_units[j],
+                unit=unit,
                 rms=signed,
                 sd=error,
                 before=before,
@@ -343,7 +344,9 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
 def _says_same(other: Change, change: Change) -> bool:
     """Return whether a change in all joints is sure at the place of another change alone."""
     sure = {p.place for p in other.parts if abs(p.relative[0]) > REACH * p.relative[1]}
-    alike = (other.kind, other.log, other.since) == (change.kind, change.log, change.since)
+    its = (other.kind, other.log, other.since)
+    of_change = (change.kind, change.log, change.since)
+    alike = its == of_change
     return alike and sure == {change.place}
 
 
@@ -580,7 +583,8 @@ def list_unchanged(
         level = float(levels[columns[0]])
         least = found.model.least_named(terms, group, unit_change)
         sizes = unit_change * (least if np.isfinite(least) else 0.0)
-        felt = FeltTorque.of(found, columns, sizes, np.zeros((len(sizes), len(sizes))))
+        square = (len(sizes), len(sizes))
+        felt = FeltTorque.of(found, columns, sizes, np.zeros(square))
         share = least / level if level > 0 else np.nan
         out.append(
             Unchanged(

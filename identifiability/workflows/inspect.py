@@ -161,7 +161,8 @@ def robot_columns(robot: Robot) -> tuple[str, ...]:
 
 def template_frame(robot: Robot) -> pd.DataFrame:
     """Return an example log of a robot as a table with one row, at its home position."""
-    home = dict(zip(robot.joints, robot.actuated_positions(robot.home[None])[0], strict=True))
+    positions = robot.actuated_positions(robot.home[None])[0]
+    home = dict(zip(robot.joints, positions, strict=True))
     frame = pd.DataFrame(0.0, [0], list(robot_columns(robot)))
     frame.loc[0, [f"{j}.q" for j in robot.motor_joints]] = [home[j] for j in robot.motor_joints]
     return frame
@@ -299,15 +300,18 @@ def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
 
 def _describe_range(robot: Robot, q: Array) -> dict[str, Any]:
     """Return the range of each joint, the share of its limits, and the units of its columns."""
-    share = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
+    used = np.ptp(q, axis=0)
+    allowed = np.diff(robot.limits, axis=1)[:, 0]
+    share = used / allowed
     limited = np.isfinite(robot.limits).all(1)
+    room = np.where(limited, share, np.nan)
     return {
         "joint": robot.joints,
         "unit": robot.position_units,
         "torque_unit": robot.torque_units,
         "low": q.min(0),
         "high": q.max(0),
-        "room": np.where(limited, share, np.nan),
+        "room": room,
     }
 
 
@@ -370,12 +374,14 @@ class Inspection(OfStructure, Result):
         robot = self.robot
         instead = list(required_columns(self.motors)) if self.motors else []
         optional = [f"{j}.{kind}" for j in robot.motor_joints for kind in ("dq", "ddq")]
+        sidecar = robot.sidecar.name if robot.sidecar is not None else None
+        logs = [r.to_dict() for r in self.records]
         return {
             "schema": self.schema,
             "robot": {
                 **robot.identity,
                 "file": robot.path.name,
-                "sidecar": robot.sidecar.name if robot.sidecar is not None else None,
+                "sidecar": sidecar,
                 "closed": robot.closed,
             },
             "joints": [asdict(j) for j in self.joints],
@@ -389,7 +395,7 @@ class Inspection(OfStructure, Result):
             "parameters": self.base.to_frame().to_dict("records"),
             "naming": phrase("needs", "naming"),
             "needs": [asdict(need) for need in self.needs],
-            "logs": [r.to_dict() for r in self.records],
+            "logs": logs,
             "hints": list(self.hints),
             "statement": self.statement,
             "provenance": dict(self.provenance),
@@ -502,7 +508,8 @@ def _with_currents(found: Inspection, case: Case, run: Run, refusal: LogError) -
     raise is the first finding.
     """
     torque = case.robot.torque
-    gains = {joint: torque.at("gain", joint) or 1.0 for joint in Conventions.of(case.robot).joints}
+    conventions = Conventions.of(case.robot)
+    gains = {joint: torque.at("gain", joint) or 1.0 for joint in conventions.joints}
     robot = replace(case.robot, torque=torque.model_copy(update={"gain": gains}))
     read = _with_logs(found, case.with_(robot=robot), run)
     kept = [hint for hint in read.hints if getattr(hint, "key", "") not in ("unit", "joint_unit")]

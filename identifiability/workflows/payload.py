@@ -255,12 +255,14 @@ def nearest_body(found: LoadEstimate) -> Array:
     # Assumed radius of gyration of an unknown load [m].
     bodies = np.arange(10)[None]
     masses = np.array([max(abs(found.theta[9]), LIGHTEST)])
+    nonnegative = np.zeros(10, bool)
+    length = np.array([0.1])
     region = PhysicalSet(
         bodies=bodies,
-        nonnegative=np.zeros(10, bool),
+        nonnegative=nonnegative,
         names=("load",),
         mass=masses,
-        length=np.array([0.1]),
+        length=length,
     )
     data = LeastSquares(found.root, found.root @ found.theta, 1.0, 1.0)
     phi: Array = project(data, region).phi
@@ -298,7 +300,9 @@ def state_quantities(
     low = values - half
     high = values + half
     # Quantities that follow from its inertia are stated with any interval.
-    unsure = np.where(POSITIVE, low <= 0, half > length) & (np.arange(len(values)) < 7)
+    uncertain = np.where(POSITIVE, low <= 0, half > length)
+    first = np.arange(len(values)) < 7
+    unsure = uncertain & first
     low = np.where(POSITIVE, np.maximum(low, 0.0), low)
     out = []
     for k, (name, unit) in enumerate(QUANTITIES.items()):
@@ -496,6 +500,8 @@ class Load(Result):
         as_measured = [{**asdict(q), "told": q.told} for q in self.as_measured]
         estimate = dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True))
         gains = [{**asdict(g), "told": g.told} for g in self.gains]
+        parameters = dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True))
+        changed = [c.place for c in self.estimate.changes if c.kind == "friction"]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -503,11 +509,11 @@ class Load(Result):
             "quantities": quantities,
             "as_measured": as_measured,
             "torque_scale": asdict(self.scale),
-            "parameters": dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True)),
+            "parameters": parameters,
             "estimate": estimate,
             "covariance": self.estimate.covariance.tolist(),
             "order": list(GROUPED_KINDS),
-            "friction_changed": [c.place for c in self.estimate.changes if c.kind == "friction"],
+            "friction_changed": changed,
             "gains": gains,
         }
 

@@ -178,12 +178,13 @@ def _choose_topic(path: Path, reader: Any, wanted: str) -> str:
     if not wanted:
         first = {topic: next(_messages(reader, topic, JOINT_STATE), None) for topic in found}
         told = [t for t, x in first.items() if x and np.isfinite(x[1].effort).any()]
+        example = path_for_shell(f"{path}:{(told or found)[0]}", always=True)
         raise LogError(
             Finding(
                 "bag.several",
                 path,
                 topics=[*found],
-                example=path_for_shell(f"{path}:{(told or found)[0]}", always=True),
+                example=example,
             )
         )
     raise _no_topic(path, "joint states", wanted, found)
@@ -225,7 +226,8 @@ def _table(messages: Iterable[tuple[Sequence[str], Mapping[str, Any]]]) -> pd.Da
     groups: dict[Strings, tuple[list[int], list[Array]]] = {}
     for k, (names, channels) in enumerate(messages):
         told = {kind: x for kind, x in channels.items() if len(x) == len(names)}
-        at, own = groups.setdefault(tuple(f"{n}.{kind}" for kind in told for n in names), ([], []))
+        columns = tuple(f"{n}.{kind}" for kind in told for n in names)
+        at, own = groups.setdefault(columns, ([], []))
         at.append(k)
         own.append(np.concatenate([[], *told.values()]))
     parts = [pd.DataFrame(np.array(own), at, [*c]) for c, (at, own) in groups.items()]
@@ -264,7 +266,8 @@ def _add_base(reader: Any, frame: pd.DataFrame) -> None:
     """
     topics = {str(c.topic): c.msgtype for c in reader.connections if c.msgtype in BASE}
     for topic, kind in topics.items():
-        if [*topics.values()].count(kind) > 1 and "{topic}" not in BASE[kind][0][1]:
+        count = [*topics.values()].count(kind)
+        if count > 1 and "{topic}" not in BASE[kind][0][1]:
             continue
         when = list[float]()
         rows = list[list[float]]()
@@ -335,7 +338,8 @@ def _find_whole(
     LogError
         If there is no such message.
     """
-    called = {known.columns.apply(n): f"{n}.q" for n in sorted(frozenset().union(*groups))}
+    joints = sorted(frozenset().union(*groups))
+    called = {known.columns.apply(n): f"{n}.q" for n in joints}
     sides = (known.motors, known.joints)
     needed = next(([called[j] for j in x] for x in sides if x and {*x} <= {*called}), [])
     whole = table[needed].notna().all(axis=1).to_numpy() & bool(needed)

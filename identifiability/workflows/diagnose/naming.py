@@ -209,7 +209,8 @@ class Naming:
     def of(self, smaller: Structure) -> Array:
         """Return base parameters of the completed model by those of a smaller one, (b, b0)."""
         columns = self.completed.columns
-        found: Array = self.completed.G[:, [columns.index(n) for n in smaller.base.names]]
+        smaller_columns = [columns.index(n) for n in smaller.base.names]
+        found: Array = self.completed.G[:, smaller_columns]
         return found
 
     @cached_property
@@ -606,7 +607,8 @@ def with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
         tuple(numbered), naming.fitted.seen, naming.problem.known.root, naming.missing.noise
     )
     own = zip(parts, numbered[len(always) :], strict=True)
-    return replace(naming, missing=missing, parts=tuple(replace(p, candidate=c) for p, c in own))
+    renumbered = tuple(replace(p, candidate=c) for p, c in own)
+    return replace(naming, missing=missing, parts=renumbered)
 
 
 def _refined(
@@ -695,7 +697,9 @@ def _stays(log: np.ndarray) -> np.ndarray:
 def _session(rows: ResidualRows, begins: np.ndarray, log: np.ndarray) -> Array:
     """Return time courses of warm-up through a session, by part of time, (2, P)."""
     lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
-    clock = rows.seen.t[begins[:-1]] + (np.cumsum(lasting) - lasting)[log]
+    starts = rows.seen.t[begins[:-1]]
+    elapsed = np.cumsum(lasting) - lasting
+    clock = starts + elapsed[log]
     x = (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9)
     return np.array([x, np.exp(-3.0 * x)])
 
@@ -731,7 +735,9 @@ class _Grid:
     def weights(self) -> Array:
         """Weight of each change, and of each time course of a session, in each part, (w + c, P)."""
         parts = np.arange(len(self.log))
-        on = (parts >= self.stays[:, :1]) & (parts < self.stays[:, 1:])
+        begun = parts >= self.stays[:, :1]
+        not_ended = parts < self.stays[:, 1:]
+        on = begun & not_ended
         return np.concatenate([on, self.courses])
 
 
@@ -826,9 +832,13 @@ def _find_instants(grid: _Grid, stay: _Stay, t: Array) -> dict[str, Any] | None:
     starts, stops = (grid.stays - own[0]).T
     when: dict[str, Any] = {}
     if begun:
-        when = {"start": float(time[first - own[0]]), "began": _ends(starts, likely, time)}
+        start = time[first - own[0]]
+        began = _ends(starts, likely, time)
+        when = {"start": float(start), "began": began}
     if not whole:
-        when |= {"stop": float(time[last - own[0]]), "ended": _ends(stops, likely, time)}
+        stop = time[last - own[0]]
+        ended = _ends(stops, likely, time)
+        when |= {"stop": float(stop), "ended": ended}
     return when
 
 

@@ -279,8 +279,9 @@ def _with_context(
     band = getattr(found.preparation, "band", None)
     said = () if found.commanded else say_band(band, names=True)
     hints = (*found.known.hints, *found.hints, *data.hints, *said, *free_again(request.model))
+    loads = report_loads(data, full_model(data.structure.base), found.error_after, found.gap)
     hints = (
-        *report_loads(data, full_model(data.structure.base), found.error_after, found.gap),
+        *loads,
         *hints,
     )
     if request.prior:
@@ -809,15 +810,17 @@ def _list_effects(
         near = [title_of(t.group.family) for p in own for t in p.nearest]
         after = float(errors[at + 1])
         everywhere = 1 < len(family.places(robot)) == len(own)
+        placements = tuple(placed[first:last])
+        nearest = tuple(dict.fromkeys(near))
         effects.append(
             NamedEffect(
                 name=family.name,
-                placements=tuple(placed[first:last]),
+                placements=placements,
                 before=float(errors[at]),
                 after=after,
                 interval=change_of(gap, at, at + 1, rng),
                 everywhere=everywhere,
-                nearest=tuple(dict.fromkeys(near)),
+                nearest=nearest,
             )
         )
     return tuple(effects)

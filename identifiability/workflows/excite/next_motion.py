@@ -133,9 +133,10 @@ def find_next(
         known = bench.known
         step = sampling_step(d.samples[0].output_times())
         series = Series(find_limits(d.robot, limits), duration, harmonics, at_rest=True)
+        expected = replace(known, samples=duration / step)
         motion = find_motion(
             bench.question,
-            replace(known, samples=duration / step),
+            expected,
             series,
             Run(progress or quiet, seed=seed),
             FINAL,

@@ -259,7 +259,8 @@ def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Wor
 
     The last value is the least distance of unconnected bodies [m].
     """
-    order = [k for k in np.argsort(found.costs)[:10] if found.costs[k] < OPEN]
+    cheapest = np.argsort(found.costs)[:10]
+    order = [k for k in cheapest if found.costs[k] < OPEN]
     for x in [*(x for _, x in found.found), *found.draws[order]]:
         space = objective.look(x, samples)[1]
         gap = float(objective.gaps(x, samples).min())

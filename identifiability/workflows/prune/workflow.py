@@ -292,13 +292,14 @@ def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> t
     foreign = _state_foreign(models[0]) if data.validation else ""
     others = (hint for hint in data.hints if hint not in other)
     band = () if data.recordings.commanded else say_band(data.band)
+    of_fit = say_of_fit(data, models[selected], data.missing.functions)
     return (
         *other,  # under which all is said
         foreign,
         rows.outlier_hint,
         *others,
         *band,
-        *say_of_fit(data, models[selected], data.missing.functions),
+        *of_fit,
     )
 
 
