@@ -18,17 +18,19 @@ from identifiability.simulation.forces import hideable
 LARGE = ("pandas", "scipy.stats", "matplotlib", "cvxpy", "mujoco", "joblib")
 
 
-#: What is typed, the sentence that refuses it, and what is not imported before, beside the above.
+#: What is typed, and the sentence that refuses it.
 REFUSED = [
-    (["analyze", "missing.urdf", "run.csv"], "There is no robot file", ["numpy"]),
-    (["diagnose", "two-link", "no.csv"], "There is no log file", ["pinocchio"]),
-    (["predict", "two-link", "result.json", "no.mcap"], "There is no log file", ["pinocchio"]),
-    (["prune", "two-link", "no.csv"], "There is no log file", ["pinocchio"]),
-    (["payload", "two-link", "no.json", "run.csv"], "There is no result file", ["numpy"]),
-    (["simulate", "two-link", "no.csv", "--out", "x.csv"], "no motion file", ["pinocchio"]),
-    (["new", "x", "--robot", "no.urdf"], "There is no robot file", ["numpy"]),
-    (["excite", "no.urdf", "--out", "x.json"], "There is no robot file", ["numpy"]),
-    (["compare", "two-link", "run.csv", "no.csv"], "There is no log file", ["pinocchio"]),
+    (["analyze", "missing.urdf", "run.csv"], "There is no robot file"),
+    (["analyze", "case", "no.csv"], "There is no log file"),
+    (["analyze", "two-link", "--optoin"], "No such option: --optoin"),
+    (["diagnose", "two-link", "no.csv"], "There is no log file"),
+    (["predict", "two-link", "result.json", "no.mcap"], "There is no log file"),
+    (["prune", "two-link", "no.csv"], "There is no log file"),
+    (["payload", "two-link", "no.json", "run.csv"], "There is no result file"),
+    (["simulate", "two-link", "no.csv", "--out", "x.csv"], "no motion file"),
+    (["new", "x", "--robot", "no.urdf"], "There is no robot file"),
+    (["excite", "no.urdf", "--out", "x.json"], "There is no robot file"),
+    (["compare", "two-link", "run.csv", "no.csv"], "There is no log file"),
 ]
 
 #: Verbs whose help names what is registered, where it does, and those names.
@@ -63,7 +65,9 @@ def said(tmp_path_factory):
     folder = tmp_path_factory.mktemp("first")
     (folder / "run.csv").write_text("t,q1,tau1\n0,0,0\n")
     (folder / "result.json").write_text("{}")
-    asked = [(words, [*LARGE, *also]) for words, _, also in REFUSED]
+    (folder / "case").mkdir()
+    (folder / "case" / "case.toml").write_text('robot = "two-link"\n')
+    asked = [(words, [*LARGE, "numpy", "pydantic", "rich"]) for words, _ in REFUSED]
     asked += [([verb, "--help"], [*LARGE, "numpy"]) for verb in HELPED]
     asked.append((["--help"], [*LARGE, "numpy"]))
     asked = json.dumps(asked)

@@ -57,7 +57,7 @@ def test_no_verb_has_more_than_seventeen_options(commands):
 )
 def test_a_setting_that_is_none_is_one_sentence(words, sentence, command):
     typed = [word for each in words for word in ("--set", each)]
-    done = command("analyze", "two-link", "run.pq", *typed)
+    done = command("analyze", "two-link", __file__, *typed)
     assert done.exit_code == 2
     assert re.search(sentence.replace("?", r"\?"), " ".join(done.stderr.split()))
 
@@ -112,13 +112,12 @@ def arguments_of(verb, monkeypatch, *words):
 
     robot = SimpleNamespace(check_stands=lambda _what: None)
     monkeypatch.setattr(options.Machine, "load", lambda *_: robot)
-    monkeypatch.setattr("identifiability.logs.formats.reader.check_there", lambda _path: None)
     if verb == "calibrate":
         first = lambda *_a, **o: seen.update(analysis=o)  # noqa: E731
         monkeypatch.setattr(identifiability, "analyze", first)
     monkeypatch.setattr(identifiability, verb, called)
     with pytest.raises(StoppedError):
-        typer.main.get_command(app)([verb, "two-link", "run.pq", *words], standalone_mode=False)
+        typer.main.get_command(app)([verb, "two-link", __file__, *words], standalone_mode=False)
     return seen
 
 

@@ -40,18 +40,19 @@ class Group(typer.core.TyperGroup):
         super().__init__(**given)
         self.commands = Verbs()  # type: ignore[assignment] # nothing is added to it
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help."""
-        told = helps()["verbs"].items()
-        brief = {name: typer.core.TyperCommand(name, help=text) for name, text in told}
-        typer.core.TyperGroup(
-            name=self.name,
-            commands=brief,  # type: ignore[arg-type] # of typer's own kind
-            params=self.params,
-            help=self.help,
-            no_args_is_help=True,
-            rich_markup_mode="markdown",
-        ).format_help(ctx, formatter)
+    def get_params(self, ctx: Any) -> Any:
+        """Return its switches, off by default: typer loads pydantic to convert other values."""
+        switches = super().get_params(ctx)
+        for switch in switches:
+            switch.default = False
+        return switches
+
+    def format_commands(self, _: Any, formatter: Any) -> None:
+        """Write the summaries of the verbs."""
+        texts = helps()["verbs"].items()
+        rows = [(name, text.partition("```")[0].replace("`", "").strip()) for name, text in texts]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
 
 
 app = typer.Typer(
@@ -60,7 +61,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="Which dynamic parameters do your logs determine, and which model is worth using?",
-    rich_markup_mode="markdown",
+    rich_markup_mode=None,
 )
 
 

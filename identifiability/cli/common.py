@@ -56,8 +56,8 @@ def sentences() -> Iterator[None]:
 
 
 def _fail(sentence: str) -> NoReturn:
-    console = terminal(stderr=True)
-    console.print(f"[red]Error:[/] {escaped(sentence)}", highlight=False, soft_wrap=True)
+    shown = for_terminal(sentence, keep="\n\t")
+    sys.stderr.write(f"Error: {shown}\n")
     raise SystemExit(2) from None
 
 

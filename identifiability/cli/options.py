@@ -279,19 +279,20 @@ class Verb:
 
     def made(self, name: str) -> Any:
         """Return it with its options, as typer has it."""
-        alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        run, settings = _flattened(self.function)
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        run, settings, options = _flattened(self.function)
         described = helps()["verbs"].get(name)
         alone.command(name, cls=Command, help=described)(run)
         made: Any = typer.main.get_command(alone)
         made.settings = settings
+        made.options = options
         return made
 
 
 def _flattened(
     function: Callable[..., None],
-) -> tuple[Callable[..., None], dict[str, Field]]:
-    """Return a function as typer reads it, its groups as their options; and its settings."""
+) -> tuple[Callable[..., None], dict[str, Field], dict[str, Field]]:
+    """Return a function as typer reads it, its settings, and its options with those of groups."""
     own = {field.name: field for field in options_of(function)}
     settings: dict[str, Field] = {}
     options: dict[str, Field] = {}
@@ -336,13 +337,14 @@ def _flattened(
     flat = [option.parameter(function.__name__) for option in options.values()]
     called.__signature__ = Signature(flat)  # type: ignore[attr-defined]
     called.__annotations__ = {p.name: p.annotation for p in flat}
-    return called, settings
+    return called, settings, options
 
 
 class Command(typer.core.TyperCommand):
     """A command whose help lists effects, settings and robots; the list is made on request."""
 
     settings: Mapping[str, Field]
+    options: Mapping[str, Field]
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help: examples, explanation, options in groups, settings and lists."""
@@ -410,17 +412,20 @@ class Command(typer.core.TyperCommand):
         If the robot file of the case is typed, its sidecar and locks are used, but not its logs.
         """
         CASE.set(None)
-        takes_robot = any(isinstance(p, TyperArgument) and p.name == "robot" for p in self.params)
-        if not takes_robot or {"--help", "--each"}.intersection(words):
+        if {"--help", "--each"}.intersection(words):
             return {}
-        typed, _, _ = self.make_parser(ctx).parse_args(args=[*words])
-        robot = typed.get("robot")
-        robot = robot if isinstance(robot, str) else "."
+        parsed, _, _ = self.make_parser(ctx).parse_args(args=[*words])
+        typed = {name: x for name, x in parsed.items() if isinstance(x, (str, list, tuple))}
+        robot = str(typed.get("robot", "."))
         is_folder = False
         with suppress(OSError):  # a name that is too long
             is_folder = Path(robot).is_dir()
+        # Before large imports: those of a case, and of values that typer converts.
+        with sentences():
+            _look(str(self.name), typed | ({"robot": None} if is_folder else {}), self.options)
+        takes_robot = any(isinstance(p, TyperArgument) and p.name == "robot" for p in self.params)
         folder = robot if is_folder else "."
-        if not (Path(folder) / "case.toml").is_file():
+        if not takes_robot or not (Path(folder) / "case.toml").is_file():
             return {}
         from identifiability.workflows.case_file import CaseFile  # noqa: PLC0415
 
@@ -466,7 +471,7 @@ def _look(verb: str, typed: Mapping[str, Any], options: Mapping[str, Field]) -> 
     """
     given = [(o, typed[n]) for n, o in options.items() if typed.get(n) not in (None, [])]
     reads = [(mark, value) for o, value in given for mark in o.marks(Reads)]
-    writes = [(o.name, mark, value) for o, value in given for mark in o.marks(Writes)]
+    writes = [(o.name, mark, Path(value)) for o, value in given for mark in o.marks(Writes)]
     logs, results = _recordings(typed, options)
     robot = typed.get("robot") or None
     inputs = [robot, typed.get("sidecar"), *logs, *results, *(value for _, value in reads)]
@@ -480,7 +485,10 @@ def _look(verb: str, typed: Mapping[str, Any], options: Mapping[str, Field]) -> 
         from identifiability.robot.locate import locate_robot  # noqa: PLC0415
 
         locate_robot(robot)
-    for mark, value in [*reads, *((Reads("result", "JSON"), path) for path in results)]:
+    reads += [(Reads("result", "JSON"), path) for path in results]
+    # A colon precedes a part of a file, which the reader of its format finds.
+    reads += [(Reads("log", "CSV or Parquet"), path) for path in logs if ":" not in path]
+    for mark, value in reads:
         mark.check(value)
 
 
