@@ -358,7 +358,7 @@ def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, fra
     unsure = fit_rollouts(arm, [read(arm, frames[1])], file_shares(arm)).delay_errors[0]
     assert 1e-6 < unsure < 2e-4
     assert_allclose(late["shoulder.Fv"], 1200 * unsure, rtol=0.5)
-    with pytest.raises(IdentifiabilityError, match="say the same twice"):
+    with pytest.raises(IdentifiabilityError, match="set the same weight"):
         analyze(arm, frames[1], prior=0.1, cad_prior=1.0)
 
 

@@ -324,8 +324,8 @@ class Prediction:
             out[f"rms{which}{of}"] = self.joint_rms(raw=raw)[:, 0]
         return out
 
-    def surely_better(self, one: int, other: int) -> bool:
-        """Return whether a model errs less than another by more than one standard error.
+    def surely_better(self, one: int, other: int, errors: float = 1.0) -> bool:
+        """Return whether a model errs less than another by more than some standard errors.
 
         Of the difference of absolute errors over stretches of the samples that are held, as a name
         is confirmed on unseen motion; False where none are held. Each joint counts by its own
@@ -334,12 +334,12 @@ class Prediction:
         if not len(self.predicted):
             return False
         variation = np.sqrt(np.mean(self.apart(axis=0) ** 2, axis=0))
-        errors = np.abs(self.residual[:, :, [one, other]])
-        size = np.sum(errors / or_one(variation)[:, None], axis=1)
+        sizes = np.abs(self.residual[:, :, [one, other]])
+        size = np.sum(sizes / or_one(variation)[:, None], axis=1)
         gains = size[:, 1] - size[:, 0]
         parts = [x.sum() for x in np.array_split(gains, LEVELS.folds)]
-        deviation = np.std(parts, ddof=1)
-        return bool(np.sum(parts) > deviation * np.sqrt(len(parts)))
+        standard_error = np.std(parts, ddof=1) * np.sqrt(len(parts))
+        return bool(np.sum(parts) > errors * standard_error)
 
 
 def _ratio(part: Array, whole: Array | float) -> Array:

@@ -308,9 +308,8 @@ def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
         largest = np.abs(Vt[null]).max(axis=0)
         free = np.flatnonzero(flat & (largest > NEARLY)).tolist()
         raise ValueError(
-            f"posterior: neither the data nor the prior determine the parameters {free}, so it "
-            "does not exist; expected a finite prior sd for parameters that the motion does not "
-            "excite; state one."
+            f"posterior: neither the data nor the prior determine the parameters {free}; "
+            "give a finite prior sd for parameters that the motion does not excite."
         )
     spread = np.linalg.norm(Vt.T / s, axis=1) / norms
     rows = np.concatenate([data.z / data.unit, known * prior.mean])

@@ -371,7 +371,9 @@ def build_ladder(entry: LadderEntry, structure: Structure) -> tuple[Submodel, ..
     before = full_model(structure.base)
     for item in entry.models:
         if item.name in submodels:
-            raise ModelError(f"The ladder has two models named '{item.name}'; give each its own.")
+            raise ModelError(
+                f"The ladder has two models named '{item.name}'; give each its own name."
+            )
         if item.start is not None and item.start not in submodels:
             raise ModelError(
                 f"The model '{item.name}' starts from '{item.start}', which does not stand before "

@@ -191,8 +191,8 @@ def check_magnitudes(path: Path, stated: Stated) -> None:
     every = [model.gravity.linear, *places, *(p.position for p in points), stated.home]
     if not np.all(np.abs(np.concatenate(every)) < LARGEST):
         raise RobotError(
-            f"{path}: gravity, the place of a joint or site, or a position at home is no number of "
-            "a robot; correct it."
+            f"{path}: gravity, the place of a joint or site, or a home position is infinite or "
+            "implausibly large; correct it."
         )
 
 

@@ -118,8 +118,8 @@ def _split(
     chain = next((chain for chain in _chains(top) if _last_joint(chain[-1]) == name), None)
     if chain is None:
         raise RobotError(
-            f"{path}: the joint '{name}' is not the last one of a body, or stands in a <frame>, so "
-            "it cannot be split into motor and link; give it a body of its own."
+            f"{path}: the body of joint '{name}' has a joint after it, or the joint "
+            "stands in a <frame>. It cannot be split into motor and link; give it its own body."
         )
     body = chain[-1]
     _exclude(top, chain)

@@ -521,7 +521,7 @@ def _check_template(robot: Description, top: ET.Element) -> None:
     ):
         if missing:
             raise RobotError(
-                f"{robot.path} has a {what} without a name, so parameters cannot be written to it; "
+                f"{robot.path} has a {what} without a name, so its parameters cannot be written; "
                 f"name every <{what}> (and every tendon)."
             )
 

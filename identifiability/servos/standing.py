@@ -123,7 +123,7 @@ def state_standing(machine: CommandedRobot, logs: Sequence[Log]) -> str:
     order = np.argsort(-np.sum(parts**2, axis=1))
     joints = [machine.robot.joints[judged[k]] for k in order]
     each = [
-        f"{joint} {1e3 * constant:.0f} ± {1e3 * abs(follows):.0f}"
+        f"{joint} {1e3 * constant:.0f} and {1e3 * abs(follows):.0f}"
         for joint, (constant, follows, _) in zip(joints, parts[order], strict=True)
     ]
     return phrase("commands", effect, each=each)

@@ -81,7 +81,7 @@ from .roles import assign_roles
 #: Reason, after "because", why misread columns give no verdict.
 MISREAD = (
     "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
-    "says: mend that, and run again"
+    "says: correct these logs, and run again"
 )
 
 #: Families that a model gets if the rows surely show them.

@@ -425,7 +425,7 @@ def inspect(
     logs : log, path, DataFrame, or several, optional
         Logs to look at, in any form that `analyze` reads.
     validate : log, path, DataFrame, or several, optional
-        Logs to look at that `analyze` will hold out.
+        Logs to look at too, which `analyze` will hold out.
     model : Model, names of effects, model file or result of `prune`, optional
         Whose base parameters are listed; by default that of `analyze`.
     preparation : Preparation, optional

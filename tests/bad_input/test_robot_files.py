@@ -70,7 +70,7 @@ MEANT = {
     "keyframe that is no number": (
         "five-bar",
         (KEY, '<keyframe><key name="home" qpos="nan 0 0 0"/></keyframe>'),
-        "or a position at home is no number of a robot",
+        "or a home position is infinite or implausibly large",
     ),
     "site that is no number": (
         "five-bar",

@@ -49,7 +49,7 @@ def test_nothing_hidden_gives_an_empty_list(diagnosis_of):
     assert d.to_dict()["effects"] == []
     assert d.to_frame().empty
     assert d.held_after == d.held_before
-    assert "No effect can be named" in d.statement
+    assert "No missing effect was found" in d.statement
 
 
 def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_of, tmp_path):
@@ -64,7 +64,7 @@ def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_
     assert refuted.before > 1 > refuted.unseen
     assert d.model.names == d.base
     assert d.held_after == d.held_before
-    assert "No effect can be named" in d.statement
+    assert "No missing effect was found" in d.statement
     assert "Position ripple in left_shoulder stood out from the fitted motion" in d.statement
     content = json.loads(d.to_json(tmp_path / "d.json").read_text())
     assert content["effects"] == []

@@ -81,7 +81,7 @@ def test_an_effect_that_no_family_fits_is_given_no_name(logs_of):
     logs = [replace(log, start=None) for log in logs_of("five-bar", "thermal_drift=0.012")]
     d = diagnose("five-bar", logs[:4], logs[4:], forward=False)
     assert d.effects == ()
-    assert "No effect can be named" in d.statement
+    assert "No missing effect was found" in d.statement
     assert "Torque offsets differ between logs" in d.alternative
 
 

@@ -49,7 +49,7 @@ def test_slow_noise_is_no_effect(logs, rho):
     for seed in range(3):
         found = analyze("two-link", logs(rho, seed), replicates=20)
         assert found.missing.functions == ()
-        assert "Only if nothing is missing" not in found.statement
+        assert "Only if the model lacks no effect" not in found.statement
 
 
 def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, tmp_path):
@@ -67,9 +67,9 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     assert (
         answer_first(found)
         .answers[2]
-        .short.startswith(f"Only if nothing is missing, and {name} (probability ")
+        .short.startswith(f"Only if the model lacks no effect, and {name} (probability ")
     )
-    assert "Only if nothing is missing" in found.statement
+    assert "Only if the model lacks no effect" in found.statement
     assert "diagnose(" in found.next()[0][1]
     assert found.to_dict()["missing_functions"][0]["joint"] == "elbow"
     few = {"replicates": 20, "refits": 40}

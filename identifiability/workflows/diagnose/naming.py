@@ -304,9 +304,10 @@ class Naming:
         return predict(self.completed.regression(self.fitted.samples), fit[:, None])
 
 
-def without_last(naming: Naming, count: int) -> Naming:
-    """Return a naming of the first parts; the last parts become possible effects."""
-    first, last = naming.parts[:count], naming.parts[count:]
+def without_parts(naming: Naming, gone: Collection[int]) -> Naming:
+    """Return a naming without some of its parts, which become possible effects."""
+    first = [p for k, p in enumerate(naming.parts) if k not in gone]
+    last = [naming.parts[k] for k in sorted(gone)]
     placed = [(p, replace(p.term.group, place=p.candidate.place)) for p in last]
     more = [(replace(p.term, group=group), p.left_out) for p, group in placed]
     terms = tuple(dict.fromkeys(p.term for p in first))

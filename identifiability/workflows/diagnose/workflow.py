@@ -79,8 +79,8 @@ from .naming import (
     look,
     name_missing,
     with_parts,
-    without_last,
     without_outliers,
+    without_parts,
 )
 from .problem import (
     Given,
@@ -749,6 +749,23 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
     )
 
 
+#: Standard errors by which unseen motion must err less without a part: one of many is asked.
+HARMFUL = 2.0
+
+
+def find_harmful(naming: Naming) -> list[int]:
+    """Return the part without which the error on unseen motion is surely least, if any is harmful.
+
+    What other parts explain would hide it from `verify_effects`.
+    """
+    every = range(len(naming.parts))
+    subsets = [every, *([n for n in every if n != k] for k in every)]
+    gap = naming.predict_unseen([naming.fit(subset) for subset in subsets])
+    errors = gap.relative_error()
+    harmful = [k for k in every if gap.surely_better(k + 1, 0, HARMFUL)]
+    return sorted(harmful, key=lambda k: errors[k + 1])[:1]
+
+
 def _recommend_plain(naming: Naming) -> Recommended:
     """Return the plain model, without any named effect."""
     return naming.problem.recommended or with_parts(naming, ()).best
@@ -773,9 +790,12 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     later_fits = (naming.fit(range(n)) for n in ends[1:])
     fits = [plain_fit @ plain.base, *later_fits]
     residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
+    harmful = find_harmful(naming)
+    if harmful:
+        return conclude(without_parts(naming, harmful), rng)
     found = verify_effects(naming, fits, plain)
     if 0 < found.included < len(parts):
-        return conclude(without_last(naming, found.included), rng)
+        return conclude(without_parts(naming, range(found.included, len(parts))), rng)
     placed = [_place(naming, k) for k in range(len(parts))]
     curves = tuple(_curve(naming, residual, k, p) for k, p in enumerate(placed))
     discrepancies = find_discrepancies(naming.fitted, residual, problem.robot.joints)

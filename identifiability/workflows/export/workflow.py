@@ -131,8 +131,8 @@ def save_robot(robot: Robot, values: Mapping[str, float], path: str | Path) -> P
     for name in values:
         if name not in known and name not in robot.nominal:
             raise RobotError(
-                f"{robot.name} has no parameter '{name}'{near_match(name, [*robot.nominal])} Its "
-                "bodies and joints have those of robot.nominal, and of the effects that there are."
+                f"{robot.name} has no parameter '{name}'{near_match(name, [*robot.nominal])} Give "
+                "keys of robot.nominal, or parameters of effects."
             )
     return write_parameters(robot, values, path).robot
 
