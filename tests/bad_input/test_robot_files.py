@@ -75,7 +75,7 @@ MEANT = {
     "site that is no number": (
         "five-bar",
         ('pos="0.45 0 0"', 'pos="nan 0 0"'),
-        "cannot be read by MuJoCo|the place of a joint or site, .* is no number",
+        "cannot be read by MuJoCo|gravity, the place of a joint or site, .* is infinite",
     ),
     "home at a singularity": (
         "five-bar",
