@@ -17,6 +17,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
+from identifiability.logs.commands import of_commands
 from identifiability.logs.contradictions import contradictions
 from identifiability.logs.rows import find_range
 from identifiability.logs.rules import RULES
@@ -223,10 +224,16 @@ def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
 
 @check("commands", Does.MENDS)
 def compute_torque(logs: RawLogs) -> RawLogs:
-    """Compute torque from commands; rollouts also estimate and report their delay."""
+    """Compute torque from commands, and name joints that follow no command."""
     if logs.torque is None:
         return logs
-    return logs.having(logs.torque(logs.every))
+    made = logs.torque(logs.every)
+    commanded = [log for log in made if of_commands(log)]
+    apart = list[str]()
+    for log in commanded:
+        apart += np.array(log.joints)[log.is_unmeasured].tolist()
+    joints = list(dict.fromkeys(apart))
+    return logs.having(made, [Finding("apart", joints=joints)] if joints else [])
 
 
 @check("contradictions", Does.MENDS)

@@ -269,12 +269,7 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         )
     lost = np.flatnonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
-    text = [phrase("rollouts", "lost", joints=each, stated=stated)] if each else []
-    gone = np.any([log.is_unmeasured for log in logs], axis=0)
-    if gone.any():
-        apart = [robot.joints[j] for j in np.flatnonzero(gone)]
-        text.append(phrase("rollouts", "apart", joints=apart))
-    return " ".join(text)
+    return phrase("rollouts", "lost", joints=each, stated=stated) if each else ""
 
 
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:

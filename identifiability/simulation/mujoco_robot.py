@@ -12,7 +12,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import ROUNDOFF
@@ -221,12 +220,16 @@ class MujocoRobot:
         self.tied.eq_active0[:] &= np.isin(m.eq_type, kinds)
         self.tied.eq_active0[m.neq - len(robot.cables) :] = True
         self._ends = mujoco.MjData(self.tied)
-        #: Joints that follow others: sums of polynomials that are zero.
-        self.couplings = [
-            {c.joint: Polynomial([-c.constant, 1.0])}
-            | {of: -Polynomial(powers) for of, powers in c.terms.items()}
-            for c in robot.couplings
-        ]
+        #: Joints that follow others: sums of polynomials that are zero, each with its derivative.
+        self.couplings = list[dict[str, tuple[Any, Any]]]()
+        for c in robot.couplings:
+            curves = {of: -np.poly1d(powers[::-1]) for of, powers in c.terms.items()}
+            curves[c.joint] = np.poly1d([1.0, -c.constant])
+            self.couplings.append({of: (curve, curve.deriv()) for of, curve in curves.items()})
+        #: Whether the coordinates are tied by lines alone, which close in one Newton step.
+        bent = robot.loops or any(cable.points for cable in robot.cables)
+        orders = [curve.order for terms in self.couplings for curve, _ in terms.values()]
+        self.is_linear = not bent and max(orders, default=1) < 2
         self._A = np.zeros((0, self.size))
 
     @quiet()
@@ -308,7 +311,9 @@ class MujocoRobot:
         """
         address = self.positions
         start = full[address]
-        steps = max(1, int(np.ceil(np.abs(target - start).max() / 0.02))) if self.closed else 1
+        steps = 1
+        if not self.is_linear:
+            steps = max(1, int(np.ceil(np.abs(target - start).max() / 0.02)))
         for k in range(1, steps + 1):
             full = np.array(full)
             full[address] = start + (target - start) * k / steps
@@ -363,10 +368,10 @@ class MujocoRobot:
         A[lengths, m.nv :] = -np.eye(len(self.robot.cables))
         error[lengths] -= full[m.nq :]
         for k, terms in enumerate(self.couplings, count):
-            for joint, curve in terms.items():
+            for joint, (curve, slope) in terms.items():
                 dof, at = self.places[joint]
                 error[k] += curve(full[at])
-                A[k, dof] += curve.deriv()(full[at])
+                A[k, dof] += slope(full[at])
         return error, A
 
     def slope(self) -> Array:
