@@ -56,7 +56,7 @@ from identifiability.robot import Robot
 
 from .estimator import Estimate
 from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, whitened_information, without
-from .noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise, split_runs
+from .noise import HIGHEST_ORDER, ARNoise, JointNoise, JointRuns, Runs, rich_noise, split_runs
 from .rules import RULES
 
 #: Inertial parameters of a compact load of 1 kg, by its radius [m].
@@ -317,17 +317,30 @@ class Missing:
         return out
 
     def between_reversals(self) -> Missing:
-        """Return the same where no joint turns: its friction does when no record can tell."""
+        """Return the same where no joint turns: its friction does when no record can tell.
+
+        A joint keeps all rows if those between reversals are too few for its model and its noise.
+        """
         seen = self.seen
         first = {c.columns[0] for c in self.candidates if c.family is REVERSALS}
         data = seen.data.copy()
         for (j, k), x in self.entries.items():
             if k in first:
                 data[:, j] &= np.abs(x) <= TURNS * np.abs(x).max()
-        runs = tuple(split_runs(own, data[:, [j]])[0] for j, own in enumerate(seen.runs))
-        out = replace(self, seen=replace(seen, data=data, runs=runs))
+        runs = [split_runs(own, data[:, [j]])[0] for j, own in enumerate(seen.runs)]
+        for j, own in enumerate(runs):
+            if not self._has_room(j, own):
+                data[:, j] = seen.data[:, j]
+                runs[j] = seen.runs[j]
+        out = replace(self, seen=replace(seen, data=data, runs=tuple(runs)))
         vars(out)["entries"] = {at: x * data[:, at[0]] for at, x in self.entries.items()}
         return out
+
+    def _has_room(self, joint: int, runs: Runs) -> bool:
+        """Whether stretches of a joint have enough rows for the model's columns and noise."""
+        rows = sum(b - a for a, b in runs if b - a >= HIGHEST_ORDER)
+        columns = np.count_nonzero(self.seen.X[:, joint].any(0))
+        return bool(columns <= RULES.columns_most * rows)
 
     def under(self, noise: Sequence[JointNoise]) -> Missing:
         """Return a copy that uses another noise model."""

@@ -3,27 +3,38 @@
 import numpy as np
 import pytest
 
-from identifiability import Case, IdentifiabilityError, Noise, Robot, analyze, plot, prune
+from identifiability import (
+    Case,
+    IdentifiabilityError,
+    Noise,
+    Preparation,
+    Robot,
+    analyze,
+    plot,
+    prune,
+)
 from identifiability.regression.reduction import LadderEntry
 from identifiability.simulation import Campaign, random_trajectory
 
-SPEED, ENTRY = 0.1, "stribeck_friction@elbow:0.5"
-EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", ENTRY]
+SPEED = 0.1
+EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction"]
 SHAPE = "elbow.stribeck_friction"
 
 
-def case_of(level):
+def case_of(level, speed=SPEED, power=1, harmonics=5, stated=0.5, cutoff=None):
     """Return a case of two logs with Stribeck friction of a level in the elbow [N·m]."""
     robot = Robot.load("two-link")
     rng = np.random.default_rng(5)
-    motions = [random_trajectory(robot, rng, samples=2000, period=20.0) for _ in range(2)]
+    how = {"samples": 2000, "period": 20.0, "harmonics": harmonics}
+    motions = [random_trajectory(robot, rng, **how) for _ in range(2)]
     campaign = Campaign.of(robot, motions)
-    speed = campaign.move.dq[:, 1]
+    v = campaign.move.dq[:, 1]
     force = np.zeros_like(campaign.torque)
-    force[:, 1] = level * np.exp(-np.abs(speed) / SPEED) * np.sign(speed)
+    force[:, 1] = level * np.exp(-(np.abs(v / speed) ** power)) * np.sign(v)
     logs = campaign.logs(force, Noise(torque=0.03), rng)
-    model = LadderEntry.model_validate({"models": [{"name": "M", "effects": EFFECTS}]})
-    return Case(robot, logs[:1], logs[1:], model=model)
+    effects = [*EFFECTS, f"stribeck_friction@elbow:{stated}"]
+    model = LadderEntry.model_validate({"models": [{"name": "M", "effects": effects}]})
+    return Case(robot, logs[:1], logs[1:], model=model, preparation=Preparation(cutoff=cutoff))
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +71,13 @@ def test_a_flat_profile_names_the_simpler_model_and_prune_takes_the_step():
     case = case_of(0.0)
     assert "simpler model that has Coulomb friction in elbow" in analyze(case).statement
     assert prune(case).models[1].step.move.text == "zero elbow.Fs"
+
+
+def test_friction_of_another_form_stays_in_doubt_in_a_joint_that_turns_all_the_time():
+    case = case_of(1.0, speed=0.3, power=2, harmonics=20, stated=SPEED, cutoff=2.5)
+    found = analyze(case, replicates=0)
+    assert found["elbow.Fc"].verdict == "sign only"
+    assert abs(found["elbow.Fv"].estimate - 0.6) < 0.03
 
 
 def test_a_number_that_is_not_there_is_one_sentence():
