@@ -218,4 +218,4 @@ def test_torque_moves_the_robot_as_it_moved(without_noise):
     true, wrong = found.totals
     assert true < 0.02  # of a torque that was sampled
     assert wrong > 5 * true
-    assert found.answers()[0].short.startswith(f"{1e3 * true:.3g} mrad")
+    assert f"errs by {1e3 * true:.3g} mrad (rms)" in found.answers()[0].short
