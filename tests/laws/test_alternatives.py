@@ -61,9 +61,9 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     read_back = read_fit(found.to_json(tmp_path / "result.json"), "two-link")
     for fit in (found.fit, read_back):
         said = " ".join(fit.predict(logs(0.5, 3)).hints)
-        assert f"{name} is missing in its model" in said
+        assert f"{name} is missing in the model" in said
     exported = export("two-link", tmp_path / "result.json", tmp_path / "fitted.xml")
-    assert f"{name} is missing in its model" in exported.statement
+    assert f"{name} is missing in the model" in exported.statement
     short = answer_first(found).answers[2].short
     assert short.startswith(f"Not yet: {name} (probability ")
     assert short in found.statement

@@ -90,7 +90,7 @@ class LadderedPresenter(PredictingPresenter):
         """Return the recommended model, its error, and its reliability."""
         result = self.result
         use = after_mass(self.answer_use(), result.mass_warning)
-        short = [use.short, state_weight(result), _state_open(result), _state_determined(result)]
+        short = [state_weight(result), use.short, _state_open(result), _state_determined(result)]
         short.append(_state_cause(result))
         use = replace(use, short=" ".join(filter(None, short)))
         more = [sentence("laddered.measured", kind=result.validation_kind)]

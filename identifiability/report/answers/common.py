@@ -229,7 +229,7 @@ def answer_quality(
     uneven = bool(joint) and errs_unevenly(error, own)
     holes: dict[str, Any] = {"error": error, "joint": joint, "own": own, "worst": ""}
     if joint:
-        holes["rms"] = rms[[*joints].index(joint)]
+        holes["rms"] = rms[joints.index(joint)]
         holes["worst"] = sentence("quality", "worst", **holes)
     grade = worse_of(headline, "fair") if warnings else headline
     short = sentence("decision.grades", grade, **holes)

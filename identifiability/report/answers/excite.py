@@ -129,9 +129,16 @@ def _answer_worth(result: Excitation) -> Answer:
     if not new:  # of values that nobody states
         return Answer(sentence(about, "question"), text, "", "green")
     text += sentence(about, "noise_logs" if result.logs else "noise")
-    tone = "green" if new > old else "amber"
-    count = len(result.after.told)
-    return answer(about, "counts", text, tone, other=result.beside, old=old, new=new, count=count)
+    return answer(
+        about,
+        "counts",
+        text,
+        "green" if new > old else "amber",
+        other=result.beside,
+        old=old,
+        new=new,
+        count=len(result.after.told),
+    )
 
 
 def _answer_safe(result: Excitation) -> Answer:

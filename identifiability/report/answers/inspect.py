@@ -114,12 +114,18 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
         most = joints.loc[torque.idxmax()]
         named = {"joint": most.joint, "unit": most.torque_unit}
         text += sentence(about, "torque", torque=torque.max(), **named)
-    each = " … ".join(rates)
-    yield answer(about, "motion", text.rstrip(), seconds=seconds, samples=samples, rates=each)
+    yield answer(
+        about,
+        "motion",
+        text.rstrip(),
+        seconds=seconds,
+        samples=samples,
+        rates=" … ".join(rates),
+    )
     if joints.room.notna().any():
+        about = "inspection.least"
         least = joints.loc[joints.room.idxmin()]
-        why = sentence("inspection.motion", "lead")
-        yield answer("inspection.least", "least", why, joint=least.joint, room=least.room)
+        yield answer(about, "least", sentence(about, "why"), joint=least.joint, room=least.room)
 
 
 def _answer_columns(result: Inspection) -> Answer:
