@@ -42,3 +42,11 @@ def test_the_ledger_is_a_table_of_what_was_done(spoilt):
     assert ledger(["plain"]) == ()
     every = inspect("two-link", spoilt).ledger()[0]
     assert len(every.rows) >= len(table.rows)
+
+
+def test_a_first_row_that_jumps_needs_no_check(spoilt):
+    spoilt.loc[[100, 400], "elbow.tau"] /= 1e4
+    spoilt.loc[0, "elbow.tau"] = 1e4
+    found = inspect("two-link", spoilt)
+    assert of_key(found.findings, "first_row")
+    assert found.answers()[0].short.startswith("Yes")

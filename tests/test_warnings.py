@@ -110,7 +110,7 @@ def test_a_joint_that_errs_far_more_than_all_together_is_in_the_headline(verb, s
     disturb(study, "joint_6", 2.0)
     printed = call(f"{verb} {GIVEN} --quick --report page.html")
     for text in (" ".join(printed.split()), text_of(study / "page.html")):
-        assert re.search(r"(Fair|Poor|Useless) in joint_6 \(", text), text
+        assert re.search(r"(Fair|Poor|Useless) in joint_6: ", text), text
         assert re.search(
             r"torque error at joint_6 is .* torque variation, .* for all joints", text
         ), text

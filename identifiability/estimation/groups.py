@@ -19,7 +19,6 @@ from scipy.linalg import block_diag
 from identifiability.effects import Family, find_families, title_of
 from identifiability.effects.friction import REVERSALS, ReversalFriction, RisingFriction
 from identifiability.effects.measurement import TorqueScale
-from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
@@ -520,10 +519,6 @@ def list_members(sets: Sequence[Sequence[Candidate]], first: int) -> tuple[np.nd
 # shift by named groups is subtracted from the labels, and one more of the others may be present.
 
 
-#: Groups that a sentence says; a table has them all.
-TOLD = 2
-
-
 def place_of(term: Term) -> str:
     """Return where a group is, in words."""
     if term.group.place != EVERYWHERE:
@@ -601,17 +596,19 @@ class MissingEffects:
 
     @property
     def statement(self) -> str:
-        """Effects that the model seems to lack, with their probability, as the start of a sentence.
+        """The likeliest effect that the model seems to lack, as the start of a sentence.
 
         It is reported from odds of 20 to 1 on, by fitted and unseen rows together.
         """
         odds = {describe_term(t): t.odds + t.unseen for t in self.named}
         sure = {name: x for name, x in odds.items() if x >= RULES.name + RULES.keep}
-        order = sorted(sure, key=lambda name: -sure[name])
-        if not order:
+        if not sure:
             return ""
-        told = listing([f"{name} ({state_probability(sure[name])})" for name in order], TOLD)
-        return f"{told} {'seems' if len(order) == 1 else 'seem'} to be missing"
+        first = max(sure, key=sure.__getitem__)
+        likeliest = f"{first} ({state_probability(sure[first])})"
+        if len(sure) == 1:
+            return f"{likeliest} seems to be missing"
+        return f"{len(sure)} effects seem to be missing, first of all {likeliest}"
 
     def of_labels(self, submodel: Submodel, fit: Estimate) -> LabelAlternatives | None:
         """Return the effect of the groups on the values of a model; None where there is none."""

@@ -215,8 +215,14 @@ def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
         )
         for row, name, s in found
     ]
-    said = listing(where, 3, "; ")
-    return Finding("spikes", log.name, rows=len(found), where=said, columns=tuple(wrong))
+    key = "spikes" if found[-1][0] else "first_row"
+    return Finding(
+        key,
+        log.name,
+        rows=len(found),
+        where=listing(where, 3, "; "),
+        columns=tuple(wrong),
+    )
 
 
 # Commands without torque, and derivatives of another motion.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.foundation.answers import Cell, Column, Note
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import for_svg
@@ -374,16 +374,6 @@ def excitation_moving(result: Excitation) -> Moving | None:
     return move_skeletons(result.robot, t, {"motion": ("blue", poses)}, lambda rows: [], caption)
 
 
-def excitation_below(result: Excitation) -> Table:
-    """Return the number of identifiable parameters of motions, as bars."""
-    size = len(result.after.told)
-    rows = []
-    for name, merit in ((result.beside, result.before), ("this motion", result.after)):
-        count = merit.identifiable
-        rows.append((name, Cell(f"{count} of {size}", share=count / size)))
-    return make_table("worth", rows)
-
-
 def excitation_notes(result: Excitation) -> list[Note]:
     """Return the cautions and hints of the answer."""
     return [*result.cautions(), *map(hint_note, result.hints)]
@@ -448,7 +438,7 @@ def inspection_moving(result: Inspection) -> Moving | None:
         return None
     still = np.zeros_like(result.records[0].q)
     motion = complete_motion(result.robot, first.t, first.q, still, still)
-    lines = {"measured": first.tau}
+    lines = {"from commands" if "kp" in first.joints else "measured": first.tau}
     return move_with_torque(
         result.robot,
         motion,

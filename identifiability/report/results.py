@@ -173,7 +173,7 @@ def set_symbols(text: str) -> Markup:
     escaped = str(text if isinstance(text, Markup) else for_html(text))  # a link is markup
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
-    escaped = re.sub(r"(?<=\d) (?=[%σ×])", "\u00a0", escaped)
+    escaped = re.sub(r"(?<=\d) (?=[%σ×]|N|mrad)", "\u00a0", escaped)
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))
 

@@ -268,25 +268,22 @@ def move_with_torque(
     if len(t) < 2 or not np.isfinite(torque).any():
         return None
     end = int(np.searchsorted(t, t[0] + STRETCH, "right"))
-    size = np.sqrt(np.nan_to_num(torque**2).mean(0))
-    share = np.zeros((len(t), len(size)))
-    if residual is not None:
-        share = np.nan_to_num(
-            np.abs(residual)
-            / np.where(
-                size > 0,
-                size,
-                np.inf,
-            )
-        )
-    joint = int((size if residual is None else (share**2).mean(0)).argmax())
+    known = np.ma.masked_invalid(torque)
+    if residual is None:
+        size = (known**2).mean(0).filled(0.0)
+        share = np.broadcast_to(size, torque.shape)
+    else:  # over the variation of each joint, as errors are
+        size = known.std(0).filled(0.0)
+        share = np.nan_to_num(np.abs(residual) / np.where(size > 0, size, np.inf))
+    joint = int((share**2).mean(0).argmax())
     last = len(motion.t) - 1
     rows = np.searchsorted(motion.t, t[:end]).clip(0, last)
     name = robot.joints[joint]
     unit = robot.torque_units[joint]
     how = how or ("loaded" if residual is None else "missed")
     word = "misses" if how == "missed" else "differs by"
-    missed = [f"{name} {word} {100 * x:.0f} %" for x in share[:, joint]]
+    each = zip(share[:, joint], np.isfinite(torque[:, joint]), strict=True)
+    missed = [f"{name} {word} {100 * x:.0f} %" if known else name for x, known in each]
     own = {what: y[:end, joint] for what, y in lines.items()}
     caption = sentence("moving", how, log=log, joint=name)
     if any(np.isnan(y).any() for y in own.values()):

@@ -110,7 +110,7 @@ def test_the_command_takes_columns_by_any_name_and_motion_alone(analysis, make_l
     motors = {"shoulder.tau": "m1", "elbow.tau": "m2"}
     frame[kept].rename(columns=motors).to_csv(log, index=False)
     rules = [word for j, m in motors.items() for word in ("--map", f"{m}={j}")]
-    assert "How good is it?" in told(result, log, *rules)
+    assert "How good is the predicted torque?" in told(result, log, *rules)
 
     arms = {"shoulder.q": "s", "elbow.q": "e"}
     t = np.arange(1200) / 100
@@ -218,4 +218,4 @@ def test_torque_moves_the_robot_as_it_moved(without_noise):
     true, wrong = found.totals
     assert true < 0.02  # of a torque that was sampled
     assert wrong > 5 * true
-    assert found.answers()[0].short.startswith(f"{1e3 * true:.3g} mrad")
+    assert f"errs by {1e3 * true:.3g} mrad (rms)" in found.answers()[0].short

@@ -20,7 +20,7 @@ from identifiability.foundation.answers import Answer, Note
 from identifiability.foundation.findings import Finding, Level, fill
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import Presenter
-from identifiability.foundation.rounding import error_text, format_number, stated_text
+from identifiability.foundation.rounding import format_number, stated_text
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import Submodel
@@ -224,33 +224,30 @@ def answer_quality(
     """
     if not np.isfinite(error):
         return answer("quality", "none", question=question)
-    errors = state_errors(error, raw)
     headline = grade_of(error)
-    joint, worst = worst_joint(joints, each)
-    uneven = bool(joint) and errs_unevenly(error, worst)
-    at_worst = {"joint": joint, "worst": worst, "rms": rms[[*joints].index(joint)] if joint else ""}
-    if joint and not uneven:
-        errors += sentence("quality", "worst", **at_worst)
+    joint, own = worst_joint(joints, each)
+    uneven = bool(joint) and errs_unevenly(error, own)
+    holes: dict[str, Any] = {"error": error, "joint": joint, "own": own, "worst": ""}
+    if joint:
+        holes["rms"] = rms[joints.index(joint)]
+        holes["worst"] = sentence("quality", "worst", **holes)
     grade = worse_of(headline, "fair") if warnings else headline
-    short = sentence("decision.grades", grade, errors=errors)
+    short = sentence("decision.grades", grade, **holes)
     if grade != headline:
-        short = sentence("decision.lowered", "warned", word=word_of(grade), errors=errors)
+        short = sentence("decision.lowered", "warned", word=word_of(grade), **holes)
     if uneven:
-        grade = worse_of(grade, grade_of(worst), worse_of(headline, "good"))
-        word = word_of(grade)
-        short = sentence("decision.lowered", "joint", errors=errors, word=word, **at_worst)
+        grade = worse_of(grade, grade_of(own), worse_of(headline, "good"))
+        short = sentence("decision.lowered", "joint", word=word_of(grade), **holes)
     tone = TONES[grade]
     if tone == "green" and grade != headline:
         tone = "amber"
-    text = f"{sentence('decision.uses', grade)} {more}".rstrip()
+    parts = [sentence("decision.lowered", "together", **holes)] if uneven else []
+    parts.append(sentence("decision.uses", grade))
+    # A filter makes a difference.
+    if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
+        parts.append(sentence("decision.grades", "raw", raw=raw))
+    text = " ".join([*parts, more]).rstrip()
     return Answer(question or sentence("quality", "question"), short, text, tone)
-
-
-def state_errors(error: float, raw: float) -> str:
-    """Return the error in words, with the error of raw torque where a filter makes a difference."""
-    if not np.isfinite(raw) or math.isclose(raw, error, rel_tol=1e-6):
-        return error_text(error)
-    return sentence("decision.grades", "both", raw=raw, error=error)
 
 
 def worst_joint(joints: Sequence[str], each: Array) -> tuple[str, float]:
@@ -342,7 +339,11 @@ def answer_trust(
     if doubt:
         return answer("trust", "no", doubt=doubt)
     graver = [n.title.rstrip(".") for n in notes if n.level == "warning"]
-    titles = [f"“{title}”" for title in dict.fromkeys(graver)]
+    usual = WORDS["note.hint"]["title"].rstrip(".")
+    checks = graver.count(usual)
+    titles = [f"“{title}”" for title in dict.fromkeys(graver) if title != usual]
+    if checks:
+        titles.append(sentence("trust", "checks", count=checks))
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
     grave = "; ".join([*(read if warnings else []), *titles])
     found_text = sentence("trust", "found", found=found, size=size)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -128,9 +128,17 @@ def _answer_worth(result: Excitation) -> Answer:
     new = result.after.identifiable
     if not new:  # of values that nobody states
         return Answer(sentence(about, "question"), text, "", "green")
-    noise = sentence(about, "noise_logs" if result.logs else "noise")
-    holes: dict[str, Any] = {"old": old, "new": new, "count": len(result.after.told)}
-    return answer(about, "counts", text, other=result.beside, noise=noise, **holes)
+    text += sentence(about, "noise_logs" if result.logs else "noise")
+    return answer(
+        about,
+        "counts",
+        text,
+        "green" if new > old else "amber",
+        other=result.beside,
+        old=old,
+        new=new,
+        count=len(result.after.told),
+    )
 
 
 def _answer_safe(result: Excitation) -> Answer:

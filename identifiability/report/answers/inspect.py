@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +41,7 @@ class InspectionPresenter(AnsweringPresenter):
         """Return whether logs can be used and their content, or the needs of the robot."""
         result = self.result
         if result.records:
-            return _answer_usable(result), _answer_content(result)
+            return _answer_usable(result), *_answer_content(result)
         return _answer_columns(result), _answer_open(result)
 
     def commands(self) -> list[Command]:
@@ -98,8 +99,8 @@ def _answer_usable(result: Inspection) -> Answer:
     return answer(about, part, count=odd, first=odd[0])
 
 
-def _answer_content(result: Inspection) -> Answer:
-    """Return the amount of motion in the logs."""
+def _answer_content(result: Inspection) -> Iterator[Answer]:
+    """Yield the amount of motion in the logs, and the joint that moves least of its range."""
     about = "inspection.content"
     clocks = pd.DataFrame([r.clock for r in result.records])
     seconds = float(clocks.duration.sum())
@@ -108,16 +109,23 @@ def _answer_content(result: Inspection) -> Answer:
     cut = clocks.cutoff.dropna().min()
     text = "" if np.isnan(cut) else sentence(about, "cutoff", cutoff=cut)
     joints: Any = pd.concat([r.joints for r in result.records], ignore_index=True)
-    if joints.room.notna().any():
-        least = joints.loc[joints.room.idxmin()]
-        text += sentence(about, "least", joint=least.joint, room=least.room)
     torque = joints[["torque_low", "torque_high"]].abs().max(axis=1)
     if torque.notna().any():
         most = joints.loc[torque.idxmax()]
         named = {"joint": most.joint, "unit": most.torque_unit}
         text += sentence(about, "torque", torque=torque.max(), **named)
-    holes: dict[str, Any] = {"samples": samples, "rates": " … ".join(rates)}
-    return answer(about, "motion", text.rstrip(), seconds=seconds, **holes)
+    yield answer(
+        about,
+        "motion",
+        text.rstrip(),
+        seconds=seconds,
+        samples=samples,
+        rates=" … ".join(rates),
+    )
+    if joints.room.notna().any():
+        about = "inspection.least"
+        least = joints.loc[joints.room.idxmin()]
+        yield answer(about, "least", sentence(about, "why"), joint=least.joint, room=least.room)
 
 
 def _answer_columns(result: Inspection) -> Answer:

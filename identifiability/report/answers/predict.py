@@ -18,7 +18,15 @@ from identifiability.workflows.predict import WINDOW
 from identifiability.workflows.provenance import given_paths
 
 from .commands import export_line, name_logs
-from .common import AnsweringPresenter, Command, PredictingPresenter, answer, command, sentence
+from .common import (
+    AnsweringPresenter,
+    Command,
+    PredictingPresenter,
+    answer,
+    command,
+    hint_note,
+    sentence,
+)
 from .tables import make_table
 
 if TYPE_CHECKING:
@@ -39,8 +47,10 @@ class TorquePredictionPresenter(PredictingPresenter):
         result = self.result
         known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
         more = sentence("prediction.what", "measured", logs=known) if known else ""
-        error = self.answer_error(more, raw=result.error_ra_raw)
-        return _answer_what(result), error, _answer_intervals(result)
+        question = sentence("prediction.what", "good")
+        error = self.answer_error(more, question=question, raw=result.error_ra_raw)
+        about = error, _answer_intervals(result), _answer_what(result)
+        return about if known else about[::-1]
 
     def errors(self) -> tuple[float, Array, Array]:
         """Return the errors along the logs that have torque."""
@@ -150,8 +160,9 @@ def _answer_intervals(result: TorquePrediction) -> Answer:
     if few := _find_few(result):
         text = f"{phrase('predicted', 'few', joints=few)} {text}".rstrip()
         return answer(about, "no", text, share=share)
-    part = "care" if result.warnings else "yes"
-    return answer(about, part, text, "amber" if new else "green", share=share)
+    grave = result.warnings or "warning" in [hint_note(hint).level for hint in result.hints]
+    part = "care" if grave else "yes"
+    return answer(about, part, text, "amber" if new or grave else "green", share=share)
 
 
 class PositionPredictionPresenter(AnsweringPresenter):
@@ -185,27 +196,18 @@ class PositionPredictionPresenter(AnsweringPresenter):
     def told(self) -> str:
         """Return the errors of the file's and of the fitted robot."""
         result = self.result
-        about = "rollout.errors"
-        errors = (
-            sentence(about, "error", error=1e3 * x, unit=result.unit)
-            if np.isfinite(x)
-            else sentence(about, "diverges")
-            for x in result.totals
-        )
-        each = [f"{run.name} {error}" for run, error in zip(result.runs, errors, strict=True)]
         logs = [log.name for log in result.logs]
         part = "unseen" if result.unseen else "fitted"
-        return sentence(about, part, logs=logs, runs=", ".join(each[::-1]))
+        return sentence("rollout.errors", part, logs=logs, runs=_state_runs(result))
 
     def lead(self, usual: Answer) -> Answer:
         """Return an answer that begins with the motion of the fitted robot, if it follows."""
         result = self.result
         if not result.follows:
             return usual
-        logs = [log.name for log in result.logs]
         sizes = (result.totals[1], result.from_commands)
         error, lag = (f"{1e3 * x:.3g} {result.unit}" for x in sizes)
-        short = sentence("rollout.errors", "moves", logs=logs, error=error, lag=lag)
+        short = sentence("rollout.errors", "moves", error=error, lag=lag)
         return replace(usual, short=f"{short} {usual.short[0].lower()}{usual.short[1:]}")
 
     def warn(self, usual: Answer) -> Answer:
@@ -217,16 +219,22 @@ class PositionPredictionPresenter(AnsweringPresenter):
         return replace(usual, short=short, text=f"{usual.short} {usual.text}", tone="amber")
 
 
+def _state_runs(result: PositionPrediction) -> str:
+    """Return the errors of the positions of each robot, the fitted one first."""
+    about = "rollout.errors"
+    each = []
+    for run, total in zip(result.runs, result.totals, strict=True):
+        part = "error" if np.isfinite(total) else "diverges"
+        error = sentence(about, part, error=1e3 * total, unit=result.unit)
+        each.append(f"{run.name} {error}")
+    return ", ".join(each[::-1])
+
+
 def _answer_positions(result: PositionPrediction) -> Answer:
     """Return the errors of the positions of each robot."""
     about = "rollout.errors"
-    totals = 1e3 * result.totals
-    diverges = sentence(about, "it_diverges")
-    errors = [f"{x:.3g} {result.unit}" if np.isfinite(x) else diverges for x in totals]
-    short = " → ".join(errors)
-    whole = any(map(has_commands, result.logs))
-    over = sentence(about, "whole" if whole else "windows", window=WINDOW)
-    names = " → ".join(run.name for run in result.runs)
+    totals = result.totals
+    part = "whole" if any(map(has_commands, result.logs)) else "windows"
+    text = sentence(about, part, window=WINDOW, logs=[log.name for log in result.logs])
     tone = "blue" if len(totals) == 1 else "green" if totals[1] < totals[0] else "amber"
-    text = sentence(about, "over", names=names, over=over)
-    return Answer(sentence(about, "question"), f"{short[0].upper()}{short[1:]}.", text, tone)
+    return Answer(sentence(about, "question"), f"{_state_runs(result)}.", text, tone)
