@@ -1,6 +1,7 @@
 """Torque and rows that stand still while the robot moves are no data, and that is said."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from identifiability import IdentifiabilityError, Log, analyze
@@ -35,6 +36,23 @@ def test_rows_that_repeat_from_the_midst_of_a_motion_on_are_left_out(frame):
     log, (hint,) = mended(hung)
     assert len(log) == 301
     assert "the logger hung, and these 299 of 600 rows are left out" in hint
+
+
+def test_a_position_that_keeps_its_value_while_the_joint_moves_on_is_left_out(frame):
+    """With sixty rows of it an analysis of six axes was useless, and nothing was said."""
+    frame.loc[300:360, "elbow.q"] = frame.loc[300, "elbow.q"]
+    log, (hint,) = mended(frame)
+    assert len(log) == 540
+    assert "elbow.q keeps one value in data rows 302–361" in hint
+
+
+def test_a_rest_at_the_end_of_the_only_log_verifies_nothing(frame):
+    """The held-out quarter was the rest, and the error .01 %: "very good"."""
+    moving = frame[["t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau"]]
+    rest = moving.iloc[[-1] * 600].copy()
+    rest[["shoulder.tau", "elbow.tau"]] += np.random.default_rng(0).normal(0.0, 0.02, (600, 2))
+    log = pd.concat([moving, rest]).assign(t=frame["t"].iloc[1] * np.arange(1200))
+    assert analyze("two-link", log, replicates=0).chosen.error_ra_validation > 0.01
 
 
 def test_torque_that_stops_changing_is_no_data_from_there_on(frame):

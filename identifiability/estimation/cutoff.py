@@ -338,7 +338,7 @@ def try_cutoff(
     values = held.refit(fit)
     score = held.score(values)
     scale = np.sqrt(score.variation)
-    acts = scale > 0
+    acts = score.variation > np.finfo(float).tiny  # below that it is rounding
     shares = np.where(acts, 1.0, 0.0) / np.where(acts, scale * scale.sum(), 1.0)
     error = float(score.squares.sum(0) @ shares)
     # As much noise once more adds as much error as the noise of the motion has added.

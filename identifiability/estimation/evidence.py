@@ -41,7 +41,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -341,7 +341,7 @@ class HeldOut:
         if self.information.prior is not None:
             known = self.information.prior @ wide
             grams = grams + known.T @ known / self.noise.mean()
-        length = np.sqrt(np.maximum(grams.max(0).diagonal(), 1e-300))
+        length = or_one(np.sqrt(grams.max(0).diagonal()))
         none = np.zeros(len(length))
         each = [Normal.ridged(gram / length / length[:, None], none).root.T for gram in grams]
         return M / length @ np.stack(each)
@@ -463,8 +463,13 @@ def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
 
 
 def near_best(scores: Sequence[Score]) -> np.ndarray:
-    """Return which of M models are as good as the best of them, (M,) bool."""
+    """Return which of M models are as good as the best of them, (M,) bool.
+
+    All are, where fewer rows than parameters leave none with a density.
+    """
     densities = [s.density.sum() for s in scores]
+    if not np.isfinite(densities).any():
+        return np.ones(len(scores), bool)
     best = scores[int(np.argmax(densities))]
     return np.array([may_stand(score, best) for score in scores])
 

@@ -22,6 +22,7 @@ from identifiability.regression.reduction import Submodel, leave_to_terms
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.inertials import describe_faults, find_faults
+from identifiability.robot.locate import LARGEST
 
 from .cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
 from .fitted_model import FittedModel, LeastSquares, PhysicalSet, physical_set
@@ -220,7 +221,11 @@ def choose_prior(
         scores = list[Score]()
         total = list[float]()
         for found in zip(*ways, strict=False):
-            values.append(np.stack([phi for phi, _ in found]) @ G.T)
+            base = np.stack([phi for phi, _ in found]) @ G.T
+            # A rest without motion determines nothing, and a light prior no longer does.
+            if not np.all(np.abs(base) < LARGEST):
+                break
+            values.append(base)
             roots = wider * (G @ np.stack([root for _, root in found]))
             scores.append(held_out.score(values[-1], roots))
             total.append(float(scores[-1].density.sum()))

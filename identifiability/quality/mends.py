@@ -122,8 +122,15 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
     x = np.hstack([getattr(log, kind) for kind in log.channels])
     step = np.abs(np.diff(log.q, axis=0))
     size = np.sqrt(np.mean(step**2, axis=0))
-    # A robot that comes to rest does so by and by.
-    runs = [(a, b) for a, b in find_runs(x) if a > 1 and (step[a - 1] > RULES.moving * size).any()]
+    # A robot that comes to rest, or leaves it, does so by and by.
+    abrupt = (step > RULES.moving * size).any(axis=1)
+    runs = [
+        (a, b)
+        for a, b in find_runs(x)
+        if (a > 1 and abrupt[a - 1]) or (a == 0 and b < len(x) and abrupt[b - 1])
+    ]
+    joints = [] if runs else [k for k in range(len(size)) if _find_held(step[:, k], size[k])]
+    runs += [run for k in joints for run in _find_held(step[:, k], size[k])]
     gone = np.zeros(len(log), bool)
     for a, b in runs:
         gone[a + 1 : b] = True
@@ -131,15 +138,27 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
         return log, []
     where = [f"{a + 2}–{b} (from t = {log.t[a]:.6g} s)" for a, b in runs]
     rows = int(gone.sum())
+    columns = [f"{log.joints[k]}.q" for k in joints]
     found = Finding(
-        "hung",
+        "held" if joints else "hung",
         log.name,
         where=where,
         rows=rows,
         all=len(log),
-        columns=("all",),
+        columns=columns or ("all",),
     )
     return log.each(lambda c: c[~gone], t=log.t[~gone]), [found]
+
+
+def _find_held(step: Array, size: float) -> list[tuple[int, int]]:
+    """Return runs of one held position from its steps (N - 1,), as [first, last).
+
+    The joint moves before. When its position comes again it has moved on: no other step is as long.
+    """
+    held = [(a, b + 1) for a, b in find_runs(step[:, None]) if a > 0 and step[a] == 0.0]
+    ends = [b for a, b in held if b <= len(step) and step[a - 1] > RULES.moving * size]
+    longest = np.delete(step, [b - 1 for b in ends]).max(initial=0.0)
+    return [(a, b) for a, b in held if b in ends and step[b - 1] > longest]
 
 
 def find_runs(x: Array) -> list[tuple[int, int]]:

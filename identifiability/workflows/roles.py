@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from identifiability.estimation.groups import LAST, divide
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.rounding import format_count, join
 from identifiability.logs import Log
+from identifiability.logs.rules import RULES
 from identifiability.quality.recordings import Recordings
 
 #: Suffix of the name of a part of a log.
@@ -66,7 +69,24 @@ def require_held_out(recordings: Recordings) -> None:
 
 def _divide_log(log: Log) -> tuple[Log, Log, str]:
     """Return the fitted part of the only log, the verifying part, and its description."""
-    end, start = divide(len(log))
-    fit = log.rows(0, end, f"{log.name}{PART}1")
-    verify = log.rows(start, len(log), f"{log.name}{PART}2")
+    first, last = _find_motion(log)
+    end, start = divide(last - first)
+    fit = log.rows(0, first + end, f"{log.name}{PART}1")
+    verify = log.rows(first + start, len(log), f"{log.name}{PART}2")
     return fit, verify, f"the last {100 * LAST:.0f} % of {log.name}, set aside"
+
+
+def _find_motion(log: Log) -> tuple[int, int]:
+    """Return the rows [first, last) between the rests at both ends of a log.
+
+    A last quarter in which the robot stands would verify nothing. A long log is not read for this.
+    """
+    if log.long:
+        return 0, len(log)
+    little = RULES.moving * np.ptp(log.q, axis=0)
+    left = np.flatnonzero((np.abs(log.q - log.q[0]) > little).any(axis=1))
+    arrives = np.flatnonzero((np.abs(log.q - log.q[-1]) > little).any(axis=1))
+    rests = len(left) > 0 and arrives[-1] < (1 - LAST / 2) * len(log)
+    if not rests or arrives[-1] - left[0] < FEWEST:
+        return 0, len(log)
+    return int(left[0]), int(arrives[-1]) + 1
