@@ -76,6 +76,7 @@ STUDIES = (
     Study(
         "field_conditions",
         "What do robots and logs as people have them do to names, errors and labels?",
+        quick="--commanded --draws 1",
     ),
     Study("kuka_lwr4", "What does a model of a KUKA LWR4+ err on other runs?", data="kuka_lwr4"),
     Study(

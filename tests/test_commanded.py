@@ -28,7 +28,6 @@ from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff, make_plan
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
@@ -36,6 +35,7 @@ from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.servos import (
+    calibrate_torque,
     file_shares,
     find_odd_joints,
     fit_rollouts,
@@ -175,15 +175,13 @@ def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, fram
     assert turning[0] == 0 < turning[1]
 
 
-def test_a_lost_row_is_bridged_unless_a_rollout_lost_it(arm, frames):
+def test_torque_of_rows_in_which_a_rollout_turns_elsewhere_has_the_friction_of_the_log(arm, frames):
     given = servo_log(read(arm, frames[1]), arm.servo, 0.007)
-    lost = np.arange(len(given))[:, None] == [400, 400]
-    log = replace(given, unmeasured=lost)
-    how = choose_cutoff(arm, [log], None)
-    weights = [
-        prepare_log(arm, replace(log, rollout=q), how).weight.mean() for q in (None, given.q)
-    ]
-    assert weights[0] > weights[1] > 0.5
+    how = choose_cutoff(arm, [given], None)
+    log = calibrate_torque(_standard(arm), given, 0.007, TRUTH, how, default_rng(0))
+    changes = [(log.tau - given.tau)[rows] for rows in (log.unmeasured, ~log.unmeasured)]
+    assert len(changes[0]) > 100
+    assert changes[0].std() < 2.0 * changes[1].std()  # 4 if friction is interpolated
 
 
 FAULTS = [("", 0.0, 1.0), ("irregular", 0.05, 1.0), ("gains_scale", 0.0, 1.4)]

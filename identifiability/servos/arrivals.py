@@ -14,12 +14,11 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log
-from identifiability.logs.log import bridge_gaps
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 
-from .calibration import Recording
+from .calibration import Recording, leave_out
 from .torque import servo_log
 
 #: Standard errors beyond which a command surely acts otherwise: each of thousands is asked.
@@ -81,7 +80,7 @@ def leave_out_irregular(
     lost[rows[is_irregular[acting]]] = True
     if log.unmeasured is not None:
         lost |= log.unmeasured
-    return replace(log, tau=bridge_gaps(log.t, log.tau, lost), unmeasured=lost), share
+    return leave_out(log, lost, recording), share
 
 
 def _noise(recording: Recording) -> Array:

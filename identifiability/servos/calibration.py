@@ -92,6 +92,8 @@ def calibrate_torque(
     count = np.zeros(q.shape)
     moves = np.full(q.shape, False)
     moves[own.rows] = True
+    turns = np.full(q.shape, True)
+    turns[own.rows] = own.turns
     for _ in range(PHASES):
         again = replace(given, q=record(q, log, rng), unmeasured=None)
         recorded = servo_log(again, machine.servo, delay)
@@ -101,13 +103,26 @@ def calibrate_torque(
         like = one.moves & (one.direction == own.direction)
         left[one.rows] += np.where(like, one.residual, 0.0)
         count[one.rows] += like
-    lost = ~moves | (count == 0) | log.is_unmeasured
+    unlike = count == 0
+    lost = ~moves | (unlike & turns) | log.is_unmeasured
     lost[: forgotten(log)] = True
     if given.unmeasured is not None:
         lost |= given.unmeasured
-    calibrated = given.tau - left / np.maximum(count, 1)
-    tau = bridge_gaps(log.t, calibrated, lost)
-    return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
+    # Away from reversals the friction of the log is known, and the error changes slowly.
+    error = bridge_gaps(log.t, left / np.maximum(count, 1), unlike)
+    return leave_out(replace(given, tau=given.tau - error, rollout=q), lost, own)
+
+
+def leave_out(log: Log, lost: np.ndarray, recording: Recording) -> Log:
+    """Return a log without torque in some rows, (N, n) bool.
+
+    Short gaps are used as data. Dry friction may jump in them, so the torque is that of the model
+    and the residual is interpolated.
+    """
+    modelled = np.zeros(lost.shape)
+    modelled[recording.rows] = recording.modelled
+    residual = bridge_gaps(log.t, log.tau - modelled, lost)
+    return replace(log, tau=modelled + residual, unmeasured=lost if lost.any() else None)
 
 
 class Recording(NamedTuple):
@@ -117,6 +132,8 @@ class Recording(NamedTuple):
     ----------
     rows : (N,) int
         In its log.
+    modelled : (N, n) [N·m or N]
+        Torque of the model.
     residual : (N, n) [N·m or N]
         Torque that the model does not explain.
     moves : (N, n) bool
@@ -126,9 +143,16 @@ class Recording(NamedTuple):
     """
 
     rows: np.ndarray
+    modelled: Array
     residual: Array
     moves: np.ndarray
     direction: np.ndarray
+
+    @property
+    def turns(self) -> np.ndarray:
+        """Return rows next to a change of the sign of dry friction, (N, n) bool."""
+        changes = np.diff(self.direction, axis=0, prepend=self.direction[:1]) != 0
+        return changes | np.roll(changes, -1, axis=0)
 
 
 def prepare_recording(
@@ -141,10 +165,12 @@ def prepare_recording(
     samples = prepare_log(robot, log, how)
     W = structure.model.regressor(robot, samples.motion)
     moves = samples.weight > 0
-    residual = np.where(moves, samples.tau - W @ phi, 0.0)
+    residual = samples.tau - W @ phi
+    modelled = log.tau[samples.motion.kept] - residual
     direction = np.zeros(moves.shape, int)
     columns = [*structure.columns]
     for j, joint in enumerate(robot.joints):
         if f"{joint}.Fc" in columns:
             direction[:, j] = np.rint(W[:, j, columns.index(f"{joint}.Fc")])
-    return Recording(samples.motion.kept, residual, moves, direction)
+    residual = np.where(moves, residual, 0.0)
+    return Recording(samples.motion.kept, modelled, residual, moves, direction)

@@ -479,9 +479,7 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
     if robot.base is not None:
         silent = _silent(motion, silent)
     if log.unmeasured is not None:
-        # Where a rollout turns at another row than the log, friction is unknown as well.
-        bridged = log.rollout is None
-        silent = silent | plan.lacking(log.unmeasured, bridged=bridged)[at]
+        silent = silent | plan.lacking(log.unmeasured)[at]
     left = np.ones(len(tau), bool)
     breaks = np.empty(0, int)
     if plan.grid is not None:

@@ -435,16 +435,14 @@ class Plan:
             return None
         return np.asarray(np.abs(log.dq) < UNSURE * log.speed_error)
 
-    def lacking(self, unmeasured: Array, *, bridged: bool) -> Array:
+    def lacking(self, unmeasured: Array) -> Array:
         """Return the rows where torque is no data after decimation, (N, n) bool.
 
         The argument marks unmeasured torque. A decimation filter mixes it with neighbouring
-        samples. Gaps shorter than the step of outputs may be bridged by their neighbours.
+        samples. Gaps shorter than the step of outputs are bridged by their neighbours.
         """
         if self.factor == 1:
             return unmeasured
-        if not bridged:
-            return _reached(unmeasured, self.factor)
         short = _reached(~_reached(~unmeasured, self.factor // 2), self.factor // 2) & unmeasured
         return _reached(short, self.factor)
 
