@@ -107,9 +107,7 @@ def fill_measured(effect: Effect, robot: Robot, motion: Motion, out: Array) -> N
             out[:, :, k] = 0.0
 
 
-def list_entries(
-    effect: Effect, robot: Robot, motion: Motion, width: int
-) -> Iterator[tuple[int, int, Array]]:
+def list_entries(effect: Effect, robot: Robot, motion: Motion) -> Iterator[tuple[int, int, Array]]:
     """Yield joint, column and torque (N,) of an effect, as measured, where it is not zero.
 
     Forces along the axes of an open chain act in few joints: no others are written.
@@ -120,6 +118,7 @@ def list_entries(
             yield from effect.list_forces(robot, motion)
             return
     # The samples of a column lie side by side: columns are written and read one by one.
+    width = len(effect.parameters(robot))
     columns = np.zeros((len(robot.actuated), width, len(motion)))
     fill_measured(effect, robot, motion, columns.transpose(2, 0, 1))
     columns = motion.freed(columns.transpose(2, 0, 1)).transpose(1, 2, 0)
@@ -587,13 +586,13 @@ class Part:
             If the effect has no parameter at its place.
         """
         effect = self.effect
-        there = [self.effect]
-        if isinstance(effect, AlongAxes) and effect.placeable:
-            there.append(effect.placed(self.owner))
-        for own in there:
-            found = self.choose(own.parameters(robot))
-            if found:
-                return own, found
+        found = self.choose(effect.parameters(robot))
+        if not found and isinstance(effect, AlongAxes) and effect.placeable:
+            effect = effect.placed(self.owner)
+            found = self.choose(effect.parameters(robot))
+        if found:
+            return effect, found
+        effect = self.effect
         owners = dict.fromkeys(p.owner for p in effect.parameters(robot))
         raise ModelError(
             f"{effect.name} has no parameter at '{self.owner}' of {robot.name}; it acts at "

@@ -7,9 +7,9 @@ neither stored nor filtered.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby
+from itertools import groupby, islice
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Piece
+from identifiability.logs.signals import TOGETHER
 from identifiability.robot import Motion, Robot
 
 #: Effects of a model by place: families with their places.
@@ -30,6 +31,9 @@ PIECE = 8192
 
 #: Torque (N,) by joint and column, where it is not zero everywhere.
 Entries = dict[tuple[int, int], Array]
+
+#: Effects, each with the columns to which each of its own goes.
+Layout = list[tuple[Effect, dict[int, list[int]]]]
 
 
 @frozen
@@ -203,20 +207,13 @@ def compute_entries(
         outputs += len(piece.motion.t[piece.at])
         start, stop = np.searchsorted(seen, [first, outputs]).tolist()
         chosen = seen[start:stop] - first
-        for effect, width, columns in layout:
-            entries_of = list_entries(effect, robot, piece.motion, width)
-            found = [
-                (joint, column, torque)
-                for joint, k, torque in entries_of
-                for column in columns.get(k, ())
-            ]
-            if not found:
-                continue
-            joints = np.array([joint for joint, *_ in found])
-            own = np.array([torque for *_, torque in found]).T
-            low_passed = piece.down(piece.silenced(own, joints))
+        found = _list_columns(robot, layout, piece.motion)
+        while few := [*islice(found, TOGETHER)]:
+            joints = np.array([joint for joint, *_ in few])
+            rows = np.array([torque for *_, torque in few]).T
+            low_passed = piece.down(piece.silenced(rows, joints))
             weighed = piece.weighed(low_passed, joints)[chosen]
-            for (joint, column, _), values in zip(found, weighed.T, strict=True):
+            for (joint, column, _), values in zip(few, weighed.T, strict=True):
                 at = joint, column
                 if at not in entries:
                     entries[at] = np.zeros(len(seen))
@@ -224,10 +221,18 @@ def compute_entries(
     return entries
 
 
-def _lay_out(
-    robot: Robot, parts: Sequence[tuple[Part, Sequence[int]]]
-) -> list[tuple[Effect, int, dict[int, list[int]]]]:
-    """Return each effect once: its number of columns, and where each of them goes."""
+def _list_columns(
+    robot: Robot, layout: Layout, motion: Motion
+) -> Iterator[tuple[int, int, np.ndarray]]:
+    """Yield joint, column and torque (N,) of each column of effects, where it is not zero."""
+    for effect, columns in layout:
+        for joint, k, torque in list_entries(effect, robot, motion):
+            for column in columns.get(k, ()):
+                yield joint, column, torque
+
+
+def _lay_out(robot: Robot, parts: Sequence[tuple[Part, Sequence[int]]]) -> Layout:
+    """Return each effect once, with the columns to which each of its own goes."""
     effects = dict[int, Effect]()
     places = defaultdict[int, dict[int, list[int]]](dict)
     for part, columns in parts:
@@ -235,4 +240,4 @@ def _lay_out(
         effects[id(effect)] = effect
         for k, column in zip(own, columns, strict=True):
             places[id(effect)].setdefault(k, []).append(column)
-    return [(e, len(e.parameters(robot)), places[k]) for k, e in effects.items()]
+    return [(e, places[k]) for k, e in effects.items()]
