@@ -52,7 +52,7 @@ def test_it_is_named_and_weighs_nothing(frame, fault, analysed):
     bad = analyze("two-link", Log.from_frame(spoilt, "a"), replicates=100)
     assert good.hints == ()
     (hint,) = bad.hints
-    assert hint.startswith("a: one value lies too far from the neighbouring rows")
+    assert hint.startswith("a: one outlying value was replaced")
     assert named in hint
     assert hint in bad.statement
     moved = np.abs(bad.full.estimate.value - good.full.estimate.value)
