@@ -94,6 +94,16 @@ def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
     assert not found.keeps_columns
 
 
+def test_all_wrong_signs_are_named_at_once_and_stated_ones_too(arm):
+    robot, log = arm
+    torque = robot.torque.model_copy(update={"sign": {"joint_2": -1, "joint_5": -1}})
+    found = look(replace(robot, torque=torque), replace(log, tau=log.tau * [1, -1, 1, -1, 1, 1]))
+    assert np.flatnonzero(found.factor < 0).tolist() == [1, 3]
+    assert "joint_2 and joint_4 seems to have the wrong sign" in found.description
+    assert "states sign = -1 for joint_2, and the logs" in found.description
+    assert "say sign = {joint_4 = -1, joint_5 = -1} under [torque]" in found.remedy
+
+
 def test_exchanged_torque_is_found(arm):
     robot, log = arm
     order = np.array([0, 1, 2, 3, 5, 4])
