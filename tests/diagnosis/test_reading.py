@@ -157,6 +157,13 @@ def test_the_weight_of_a_payload_is_found_in_effort_without_that_of_the_robot(tm
     assert "link2.weight_m" in written.statement
 
 
+def test_a_tool_that_the_file_lacks_is_asked_for_and_combinations_have_their_members():
+    robot, log = record("six-dof-arm", payload=1.0)
+    (said,) = analyze(robot, log, "none", replicates=0).warnings
+    assert "link_5.mx (combined with link_6.mx, link_6.m) = 0.503 kg·m in the file" in said
+    assert "Does link_6 carry a tool or load that the file lacks?" in said
+
+
 def test_a_zero_of_the_first_encoder_is_named_with_the_tilt_that_acts_as_it_does():
     robot, log = record("two-link")
     found = look(robot, replace(log, q=log.q + np.array([0.4, 0.0])))
