@@ -381,7 +381,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
     scale, zero = known.scales.get(column.joint, (1.0, 0.0)) if kind in ANGULAR else (1.0, 0.0)
     offset = -zero if kind in ("q", "q_ref") else 0.0
     if unit is not None:
-        unit.check(kind, name, source)
+        unit.check(kind, name, source, column.joint)
         factor = scale * unit.factor
         return replace(column, unit=unit, factor=factor, offset=offset / factor)
     unread = unread_unit(name, (*known.motors, *known.joints))
@@ -716,7 +716,8 @@ def tell_missing(
     others = listing(dict.fromkeys(_owner(n) if _kind(n) in SPELLED else n for n in free))
     first = missing[0] if len(missing) < 2 * len(joints) else joints[0]
     some = len(joints) < len(wanted)  # where all miss some, their names are others
-    maps = f" If one of {others} is it, add {_map_word('OLD', first)}." if free else RECORD
+    option = f"{_map_word('OLD', first)}, or name it under [columns] in the sidecar"
+    maps = f" If one of {others} is it, add {option}." if free else RECORD
     if _have_both_sides(free, joints):
         maps = f" {phrase('columns.missing', 'both')}"
     near = near_match(missing[0], free)

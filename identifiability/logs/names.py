@@ -80,7 +80,7 @@ class Unit:
     dimension: str
     factor: float
 
-    def check(self, kind: str, column: str, source: str) -> None:
+    def check(self, kind: str, column: str, source: str, joint: str) -> None:
         """Refuse a unit that does not suit a channel.
 
         Raises
@@ -89,10 +89,13 @@ class Unit:
         """
         if self.dimension not in DIMENSIONS[kind]:
             what = _TABLES["called"].get(kind, "torque or force")
+            remedy = "check which column is which, and rename it or repair the unit"
+            if self.dimension == "current":
+                renamed = f"{joint}.current [{self.text}]"
+                remedy = f"name a current '{renamed}', by --map or under [columns] in the sidecar"
             raise LogError(
-                f"{source}: column '{column}' is {with_article(what)}, but the log says that its "
-                f"unit is '{self.text}'; check which column is which, and rename it or repair the "
-                "unit."
+                f"{source}: column '{column}' is {with_article(what)}, but its unit is stated as "
+                f"'{self.text}'; {remedy}."
             )
 
 

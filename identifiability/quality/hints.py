@@ -14,10 +14,11 @@ from identifiability.estimation.estimate import Outliers, weigh_outliers
 from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
-from identifiability.foundation.quoting import option_for_shell
+from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.rounding import REACH
 from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
+from identifiability.logs.names import UNITS
 from identifiability.logs.prepare.dataset import Dataset, stands_still
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import TURN
@@ -53,14 +54,18 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     shows = 2 * len(share) >= len(factors) > 0
     if not shows or not (np.abs(np.log(share)) > most).all():
         return []
-    how = phrase("unit", "alike" if np.ptp(np.log(share)) < most else "apart")
+    how = "alike" if np.ptp(np.log(share)) < most else "apart"
+    # A column in mA or mN·m was read as A or N·m.
+    milli = np.abs(np.log(share * UNITS["mA"][1])) < most
+    if how == "alike" and milli.all():
+        how = "milli"
     ends = (share.min(), share.max())
     multiple = " … ".join(dict.fromkeys(f"{x:.2g}" for x in ends))
     return [
         Finding(
             "unit",
             multiple=f"{multiple} times",
-            how=how,
+            how=phrase("unit", how, first=toml_key(logs.joints[0])),
             factors=share.tolist(),
         )
     ]

@@ -16,6 +16,7 @@ import numpy as np
 from identifiability.effects.functions import has_session
 from identifiability.effects.inertia import WEIGHT
 from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.quoting import toml_key
 from identifiability.foundation.rounding import join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -36,7 +37,6 @@ MOST, LEGS = 8, 4
 CORRECT_COLUMNS = "Correct the log or the map of its columns"
 CORRECT_POSITIONS = "Correct the log, the map of its columns or their unit"
 CORRECT_ZERO = "Write the tilt into the robot file, or the zero under [columns] in the sidecar"
-CORRECT_SIGN = "Correct its sign in the log, or say sign = -1 under [torque] in the sidecar"
 COMPARE_OFFSETS = "Those of another log cannot be known; compare gives these with their intervals"
 CORRECT_GEARS = 'Correct units in the log, or say side = "motor" and each ratio under [torque]'
 
@@ -64,7 +64,7 @@ class ReadingCandidates:
         """Yield the readings of the torque columns."""
         yield from self.compensated()
         yield from self.exchanged()
-        yield from self.sign_reversed()
+        yield from self.sign_reversed(self.literal)
         yield from self.rescaled()
         yield from self.geared()
         yield from self.offset()
@@ -168,18 +168,40 @@ class ReadingCandidates:
         """Return the names of the joints that an order moves."""
         return join([self.names[k] for k in np.flatnonzero(order != self.literal.order)])
 
-    def sign_reversed(self) -> Iterator[Reading]:
-        """Yield torque with the other sign: of one joint, then of all."""
-        if self.logs.robot.torque.sign:
-            return
-        for subject, at in self.all_subjects():
-            if self._may_be_magnitude(at):
-                continue
-            yield self._other(
-                f"{subject} seems to have the wrong sign",
-                CORRECT_SIGN,
-                factor=np.where(at, -1.0, 1.0),
-            )
+    def sign_reversed(self, reading: Reading) -> Iterator[Reading]:
+        """Yield a reading with one more change of sign: of one joint's torque, then of all."""
+        for _, at in self.all_subjects():
+            if not self._may_be_magnitude(at):
+                yield self.with_signs(np.where(at, -1.0, 1.0) * reading.factor)
+
+    def with_signs(self, factor: Array) -> Reading:
+        """Return torque with other signs, (n,) of 1 or -1; a stated sign is contradicted."""
+        reversed_joints = [self.names[j] for j in self.measured if factor[j] < 0]
+        everywhere = len(reversed_joints) == len(self.measured)
+        subject = "all joints" if everywhere else join(reversed_joints)
+        description = f"The torque of {subject} seems to have the wrong sign"
+        claims = []
+        for sign in (1, -1):
+            stated = [n for n in reversed_joints if self.logs.robot.torque.at("sign", n) == sign]
+            claims += [f"sign = {sign} for {join(stated)}"] if stated else []
+        if claims:
+            contradicted = f"the sidecar states {join(claims)}, and the logs seem to contradict it"
+            description = f"{description} ({contradicted})"
+        remedy = f"Correct its sign in the log, or {self._write_signs(factor)}"
+        return self._other(description, remedy, factor=factor)
+
+    def _write_signs(self, factor: Array) -> str:
+        """Return what to write in the sidecar, so that it holds all signs of the torque."""
+        negative = []
+        for j in self.measured:
+            stated = self.logs.robot.torque.at("sign", self.names[j]) or 1
+            if stated * factor[j] < 0:
+                negative.append(f"{toml_key(self.names[j])} = -1")
+        if not negative:
+            return "remove sign from [torque] in the sidecar"
+        together = f"{{{', '.join(negative)}}}"
+        value = "-1" if len(negative) == len(self.measured) else together
+        return f"say sign = {value} under [torque] in the sidecar"
 
     def rescaled(self) -> Iterator[Reading]:
         """Yield torque of one joint in another unit than the other joints'."""

@@ -233,9 +233,30 @@ class ReadingSearch:
         longest = self.rows.longest_delay
         readings = self.candidates.of_torque()
         yield from (r for r in readings if np.abs(r.delay).max(initial=0.0) <= longest)
+        yield from self.propose_signs()
         if self.rows.turns_gravity:
             yield from self.propose_gravity()
         yield from self.propose_positions()
+
+    def propose_signs(self) -> Iterator[Reading]:
+        """Yield other signs of several torques, changed one by one as long as the error falls."""
+        shares = np.exp(2 * self.rows.fit(self.literal))
+        # No signs lower the error below this.
+        least = self.rows.least_shares(self.literal)
+        if least.sum() > RULES.error_ratio**2 * shares.sum():
+            return
+
+        def misfit(reading: Reading) -> float:
+            return float(self.rows.fit(reading).sum())
+
+        reading = self.literal
+        for _ in self.candidates.measured:
+            best = min(self.candidates.sign_reversed(reading), key=misfit, default=reading)
+            if misfit(best) > misfit(reading) - EVEN:
+                break
+            reading = best
+        if (reading.factor < 0).sum() > 1:
+            yield reading
 
     def propose_gravity(self) -> Iterator[Reading]:
         """Yield the direction of gravity that fits best, and its opposite."""
@@ -273,8 +294,20 @@ class ReadingSearch:
 
     def refine(self, reading: Reading) -> Reading:
         """Return a reading with the delay, unit or direction that fits best, described."""
+        if 1 < (reading.factor < 0).sum() < len(self.candidates.measured):
+            return self.confirm_signs(reading)
         tuned = tune_numbers(self.rows_of(reading), reading)
         return self.describe_direction(tuned) if reading.turned else describe_numbers(tuned)
+
+    def confirm_signs(self, reading: Reading) -> Reading:
+        """Return a reading without the changes of sign that adjusted rows do not confirm."""
+        needed = RULES.unseen_gain + float(np.log(len(self.candidates.measured)))
+        for joint in np.flatnonzero(reading.factor < 0).tolist():
+            at = self.candidates.is_joint(joint)
+            fewer = self.candidates.with_signs(np.where(at, 1.0, reading.factor))
+            if (fewer.factor < 0).any() and self.weigh(reading, fewer) < needed:
+                reading = fewer
+        return reading
 
     def describe_direction(self, reading: Reading) -> Reading:
         """Return a reading whose description states the direction of gravity.

@@ -511,7 +511,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     }
     parts = vars(stated) | said | _state_sidecar(extra) | _state_motion(path, extra, stated)
     robot = choose_joints(Description(**parts), extra, stated)
-    _check_torque(robot, motors)
+    robot = replace(robot, torque=_torque_by_joint(robot, motors))
     limits = {joint: extra.limits.get(joint, LimitEntry()) for joint in robot.joints}
     fastest = [x.v or robot.speeds.get(joint, np.inf) for joint, x in limits.items()]
     position_ranges = position_limits(robot, robot.joints, extra.limits)
@@ -578,13 +578,24 @@ def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
     }
 
 
-def _check_torque(robot: Description, motors: Strings) -> None:
-    """Refuse gains, ratios, signs or compensation of a name that is no actuated joint or motor."""
-    torque = robot.torque
-    for key in ("side", "gain", "ratio", "sign"):
-        check_known(robot.path, f"torque.{key}", torque.table(key), ("", *robot.joints, *motors))
-    if isinstance(torque.compensated, list):
-        check_known(robot.path, "torque.compensated", torque.compensated, robot.joints)
+def _torque_by_joint(robot: Description, motors: Strings) -> MeasuredTorque:
+    """Return the contents of torque columns with patterns replaced by the names that fit.
+
+    Raises
+    ------
+    RobotError
+        If a name is no actuated joint or motor, or if keys cannot be combined.
+    """
+    said = dict(robot.torque)
+    for key, value in said.items():
+        name = f"torque.{key}"
+        if isinstance(value, dict):
+            lines = (*robot.joints, *motors)
+            said[key] = by_name(robot.path, name, value, lines, robot.locked)
+        elif isinstance(value, list):
+            table = dict.fromkeys(value, True)
+            said[key] = [*by_name(robot.path, name, table, robot.joints, robot.locked)]
+    torque = robot.torque.model_copy(update=said)
     both = torque.has_side("both")
     if both and motors:
         raise RobotError(Finding("robot.both", robot.path, other="[transmission]"))
@@ -592,6 +603,7 @@ def _check_torque(robot: Description, motors: Strings) -> None:
         raise RobotError(Finding("robot.both", robot.path, other="compensated"))
     if both and robot.base is not None:
         raise RobotError(Finding("robot.both", robot.path, other="a base that floats"))
+    return torque
 
 
 def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:

@@ -2,9 +2,9 @@
 
 Every key is optional and described here, and ``docs/reference/sidecar.md`` is written from that.
 Patterns such as ``wrist_*.Fv`` or ``leg?.my`` apply to all names that fit, also of passive
-joints. ``*`` is any number of letters and ``?`` is one. Patterns are allowed in [nominal], [prior],
-[shapes], [reference], [limits] and the sums of [[symmetry]]. A name overrides a pattern. A pattern
-with more letters overrides one with fewer.
+joints. ``*`` is any number of letters and ``?`` is one. Patterns are allowed in all tables of
+numbers by joint, body or parameter but [home], and in the sums of [[symmetry]]. A name overrides a
+pattern. A pattern with more letters overrides one with fewer.
 """
 
 from __future__ import annotations
@@ -266,8 +266,10 @@ class MeasuredTorque(Strict):
 
     side: Side | dict[str, Side] = key("Where it was measured.", "joint", {"joint1": "link"})
     gain: ByJoint[Factor] = key("Torque constants of currents [N·m/A].", None, {"joint1": 0.11})
-    ratio: ByJoint[Factor] = key("Of the gears.", None, {"joint1": 100})
-    sign: ByJoint[Literal[1, -1]] = key("−1 where a column counts the other way.", None, -1)
+    ratio: ByJoint[Factor] = key("Of the gears.", None, {"*_elbow": 80, "*": 100})
+    sign: ByJoint[Literal[1, -1]] = key(
+        "−1 where a column counts the other way.", None, {"right_*": -1}
+    )
     compensated: bool | Names | None = key("Whether (where) drivers took the weight off.", None)
 
     def table(self, name: str) -> dict[str, Any]:
@@ -581,7 +583,6 @@ def expand_names(
     check_known(path, "symbols", extra.symbols, (*known_bodies, *moving, *locked))
     check_known(path, "base_parameters", extra.base_parameters.bodies, known_bodies)
     check_known(path, "guessed", extra.guessed, known_bodies)
-    check_known(path, "rest", extra.rest, (*joints, *locked))
 
     def parameters(key: str, table: Mapping[str, T]) -> dict[str, T]:
         return _expand_parameters(path, key, table, bodies, moving, locked, gone)
@@ -603,6 +604,7 @@ def expand_names(
     own = {
         "base_parameters": base_parameters,
         "limits": limits,
+        "rest": by_name(path, "rest", extra.rest, joints, locked),
         "prior_share": prior_share,
         "symmetry": ties,
         "guessed": left(extra.guessed),
@@ -610,7 +612,7 @@ def expand_names(
     }
     for word in ("nominal", "prior", "shapes", "reference"):
         own[word] = parameters(word, getattr(extra, word))
-    for word in ("home", "rest", "symbols"):
+    for word in ("home", "symbols"):
         table = getattr(extra, word)
         own[word] = {name: table[name] for name in left(table)}
     return extra.model_copy(update=own)

@@ -73,7 +73,7 @@ def test_the_sidecar_and_the_option_rename_and_the_option_comes_first(
 
 def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write):
     side = write("side.toml", "[torque]\ngain = {shoulder = 2.0, elbow = 4.0}\n")
-    names = ("t", "q1", "q2", "actual_current_1 [mA]", "actual_current_2 [mA]")
+    names = ("t", "q1", "q2", "actual_current_1 [mA]", "cur_2 [mA]")
     given = bare.set_axis(list(names), axis=1)
     with pytest.raises(
         IdentifiabilityError,
@@ -88,8 +88,10 @@ def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write
     log = Log.from_frame(given, "log", known(sidecar=side))
     scaled = bare[["shoulder.tau", "elbow.tau"]] * [2e-3, 4e-3]
     assert_allclose(log.tau, scaled, rtol=1e-12)
-    with pytest.raises(IdentifiabilityError, match=r"is a current, but .* its unit is 'Nm'"):
+    with pytest.raises(IdentifiabilityError, match=r"is a current, but .* stated as 'Nm'"):
         Log.from_frame(given.rename(columns=lambda c: c.replace("mA", "Nm")), "log", known())
+    with pytest.raises(IdentifiabilityError, match=r"'elbow\.current \[mA\]', .* \[columns\]"):
+        Log.from_frame(given.rename(columns={"cur_2 [mA]": "elbow.tau [mA]"}), "log", known())
 
 
 def locked(frame, **elbow):
@@ -126,7 +128,7 @@ def test_a_joint_that_a_log_lacks_is_proposed_for_locking_before_other_names_are
     every = frame.rename(columns=lambda c: c.replace("shoulder", "thumb"))
     with pytest.raises(
         IdentifiabilityError,
-        match=r"thumb, finger is it, add .*columns={'OLD': 'shoulder'}",
+        match=r"thumb, finger is it, add .*columns={'OLD': 'shoulder'}.*\[columns\]",
     ):
         Log.from_frame(every, "log", known())
 

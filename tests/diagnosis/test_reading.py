@@ -94,6 +94,16 @@ def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
     assert not found.keeps_columns
 
 
+def test_all_wrong_signs_are_named_at_once_and_stated_ones_too(arm):
+    robot, log = arm
+    torque = robot.torque.model_copy(update={"sign": {"joint_2": -1, "joint_5": -1}})
+    found = look(replace(robot, torque=torque), replace(log, tau=log.tau * [1, -1, 1, -1, 1, 1]))
+    assert np.flatnonzero(found.factor < 0).tolist() == [1, 3]
+    assert "joint_2 and joint_4 seems to have the wrong sign" in found.description
+    assert "states sign = -1 for joint_2, and the logs" in found.description
+    assert "say sign = {joint_4 = -1, joint_5 = -1} under [torque]" in found.remedy
+
+
 def test_exchanged_torque_is_found(arm):
     robot, log = arm
     order = np.array([0, 1, 2, 3, 5, 4])
@@ -145,6 +155,13 @@ def test_the_weight_of_a_payload_is_found_in_effort_without_that_of_the_robot(tm
     result = found.to_json(tmp_path / "result.json")
     written = export(robot, result, tmp_path / "out.xml", force=True)
     assert "link2.weight_m" in written.statement
+
+
+def test_a_tool_that_the_file_lacks_is_asked_for_and_combinations_have_their_members():
+    robot, log = record("six-dof-arm", payload=1.0)
+    (said,) = analyze(robot, log, "none", replicates=0).warnings
+    assert "link_5.mx (combined with link_6.mx, link_6.m) = 0.503 kg·m in the file" in said
+    assert "Does link_6 carry a tool or load that the file lacks?" in said
 
 
 def test_a_zero_of_the_first_encoder_is_named_with_the_tilt_that_acts_as_it_does():

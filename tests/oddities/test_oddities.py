@@ -23,6 +23,7 @@ def test_torque_in_another_unit(say, good, factor):
     (hint,) = say(structure, replace(log, tau=factor * log.tau))
     assert "the torque that the robot file predicts" in hint
     assert "by about as much at all joints" in hint
+    assert ('.current [mA]"' in hint) == (factor == 1000.0)
     guess = replace(structure.robot, guessed=structure.robot.bodies)  # of which nothing follows
     assert say(Structure.of(guess, MODEL), replace(log, tau=factor * log.tau)) == ()
 

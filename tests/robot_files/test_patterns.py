@@ -16,6 +16,9 @@ PATTERNS = """
 [limits]
 "*" = {v = 2}
 shoulder = {v = 1}
+[torque]
+gain = {"*" = 2, "el*" = 3}
+compensated = ["s*"]
 [[symmetry]]
 tie = {"link.my" = ["link*.my"]}
 """
@@ -31,6 +34,9 @@ WRITTEN_OUT = """
 [limits]
 shoulder = {v = 1}
 elbow = {v = 2}
+[torque]
+gain = {shoulder = 2, elbow = 3}
+compensated = ["shoulder"]
 [[symmetry]]
 tie = {"link.my" = ["link1.my", "link2.my"]}
 """
@@ -38,7 +44,7 @@ tie = {"link.my" = ["link1.my", "link2.my"]}
 
 def test_patterns_are_the_names_that_fit_them(load_text):
     ours, theirs = (load_text(arm(), sidecar=s) for s in (PATTERNS, WRITTEN_OUT))
-    for what in ("nominal", "shapes", "ties"):
+    for what in ("nominal", "shapes", "ties", "torque"):
         assert getattr(ours, what) == getattr(theirs, what), what
     assert ours.speed_limits.tolist() == theirs.speed_limits.tolist() == [1.0, 2.0]
 
@@ -50,6 +56,7 @@ def test_patterns_are_the_names_that_fit_them(load_text):
             '[nominal]\n"wrist_*.Fv" = 1',
             r"\[nominal\] names 'wrist_\*', which the robot does not have",
         ),
+        ('[torque]\nsign = {"wrist_*" = -1}', r"Known: shoulder, elbow\."),
     ],
 )
 def test_a_pattern_that_nothing_fits_is_refused(line, sentence, load_text):

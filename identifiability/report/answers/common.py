@@ -17,8 +17,9 @@ import numpy as np
 
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Note
-from identifiability.foundation.findings import Finding, Level, fill
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.errors import listing
+from identifiability.foundation.findings import Finding, Level, fill, phrase
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.rounding import format_number, stated_text
 from identifiability.foundation.rules import Tolerance
@@ -370,6 +371,7 @@ def state_contradicted(
     values: Array,
     stated: Array,
     sigma: Array,
+    last: Strings,
 ) -> list[Finding]:
     """Return the bodies of the robot file that the logs contradict, the surest first.
 
@@ -383,6 +385,8 @@ def state_contradicted(
         Its k parameters over the base parameters.
     values, stated, sigma : (k,)
         By the logs, by the file, and the standard error of the first; nan where unknown.
+    last : tuple of str
+        Bodies at the ends of chains, which may carry a tool.
     """
     off = np.abs(values - stated)
     size = np.maximum(np.abs(values), np.abs(stated))
@@ -398,12 +402,46 @@ def state_contradicted(
             file, logs = told
             unit = submodel.units[k]
             times = f"{sigmas[k]:.0f} σ"
-            each.append(
-                f"{submodel.columns[k]} = {file} {unit} in it, {logs} by the logs ({times})"
-            )
-    if each:
-        return [Finding("contradicted", values=each)]
-    return []
+            name = submodel.columns[k]
+            rows = [row for row in range(len(base)) if submodel.M[row, k]]
+            terms = dict.fromkeys(p.name for row in rows for _, p in base.terms(row))
+            members = [term for term in terms if term != name]
+            if members:
+                name += f" (combined with {listing(members, 3)})"
+            each.append(f"{name} = {file} {unit} in the file, {logs} by the logs ({times})")
+    if not each:
+        return []
+    effects = np.linalg.lstsq(submodel.M, base.G, rcond=None)[0][far] / sigma[far, None]
+    body = _find_loaded_body(base, last, effects, (values - stated)[far] / sigma[far])
+    advice = phrase("contradicted", "tool", body=body) if body else "Correct"
+    return [Finding("contradicted", values=each, advice=advice)]
+
+
+def _find_loaded_body(base: BaseParameters, last: Strings, effects: Array, change: Array) -> str:
+    """Return the last body whose larger mass explains a contradiction best; empty for none.
+
+    Parameters
+    ----------
+    base : BaseParameters
+        Of p standard parameters.
+    last : tuple of str
+        Bodies at the ends of chains.
+    effects : (c, p)
+        Changes of the contradicted parameters by each standard parameter.
+    change : (c,)
+        Differences between logs and file.
+    """
+    misfits = {}
+    heavier = set()
+    for body in dict.fromkeys(p.owner for p in base.parameters if p.kind == "m"):
+        kinds = {k: p.kind for k, p in enumerate(base.parameters) if p.owner == body}
+        rows = effects[:, [*kinds]]
+        added = np.linalg.lstsq(rows, change, rcond=None)[0]
+        misfits[body] = float(np.linalg.norm(change - rows @ added))
+        if added[[*kinds.values()].index("m")] > 0:
+            heavier.add(body)
+    best = min(misfits, key=misfits.__getitem__)
+    return best if best in heavier & {*last} else ""
 
 
 def _of_bodies(base: BaseParameters, submodel: Submodel) -> Array:
