@@ -340,6 +340,10 @@ def _flattened(
     return called, settings, options
 
 
+#: Options that take a model file; a verb has one of them.
+MODEL_OPTIONS = {"--ladder": "--model", "--model": "--ladder"}
+
+
 class Command(typer.core.TyperCommand):
     """A command whose help lists effects, settings and robots; the list is made on request."""
 
@@ -393,8 +397,12 @@ class Command(typer.core.TyperCommand):
         typed = args[: args.index("--")] if "--" in args else args
         loud = {"-v", "--verbose"}.intersection(typed)
         VERBOSE.set(bool(loud))
+        names = {name for parameter in self.params for name in parameter.opts}
         for at, given in enumerate(typed):
             option, equals, value = given.partition("=")
+            rival = MODEL_OPTIONS.get(option)
+            if option not in names and rival in names:
+                ctx.fail(f"{self.name} has no {option}: type {rival} model.toml.")
             key = option.removeprefix("--").replace("-", "_")
             if not option.startswith("--") or key not in self.settings:
                 continue

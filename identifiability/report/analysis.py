@@ -256,10 +256,12 @@ def section_physics(analysis: Analysis) -> Section:
     physical = analysis.chosen.physical
     assert physical is not None
     active = () if physical.nearest is None else physical.nearest.active
-    held = sentence("analysis.held", "some" if active else "none", names=active)
     certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
+    held = ""
+    if active or physical.feasible:
+        held = sentence("analysis.held", "some" if active else "none", names=active)
     masses = mass_table(analysis.robot, physical.parameters())
-    return section("analysis.physics", masses, certificate=f"{certificate} {held}")
+    return section("analysis.physics", masses, certificate=f"{certificate} {held}".rstrip())
 
 
 def section_profiles(analysis: Analysis) -> Section:

@@ -112,6 +112,9 @@ class TorquePrediction(Result):
         fitted motion did not.
     known : (N, n) bool
         Where torque was measured and is data.
+    errors : Prediction
+        Errors where torque is known. As in a fit, low-passed torque omits the time at which its
+        joint stands; raw torque needs no weights.
     motion : Motion
         Of the first log.
     notes : mapping
@@ -135,6 +138,7 @@ class TorquePrediction(Result):
     low: Array
     new: Array
     known: np.ndarray
+    errors: Prediction
     motion: Motion
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
@@ -166,13 +170,6 @@ class TorquePrediction(Result):
             known[rows] = carried.known_as_logged(self.t[rows], self.known[rows])
         arrays: dict[str, Any] = {"known": known, **columns, **widths}
         return replace(self, **arrays)
-
-    @cached_property
-    def errors(self) -> Prediction:
-        """Errors where torque is known."""
-        times = [self.t[self.log == k] for k in range(len(self.logs))]
-        tau, raw = map(np.nan_to_num, (self.tau, self.raw))
-        return Prediction.of(times, tau, self.predicted[:, :, None], self.log, self.known, raw)
 
     @property
     def error_ra(self) -> float:
@@ -486,16 +483,17 @@ def _predict_along(
     measured = tuple(not log.motion_alone for log in logs)
     structure = fit.structure
     rows = structure.robot, structure.model, samples, structure.base.kept
-    found = [
-        _predict_rows(fit, chunk, measured[chunk.log])
-        for part in Regression(*rows, dwelling=True).parts(whole=True)
-        for chunk in part.chunks()
-    ]
+    found = _predict_chunks(fit, Regression(*rows, dwelling=True), measured)
+    errors = _judge(found)
+    if any((s.survey.rows < s.survey.outputs).any() for s in samples):
+        weighed = _judge(_predict_chunks(fit, Regression(*rows), measured))
+        errors = replace(weighed, errors=np.stack([weighed.errors[0], errors.errors[1]]))
     hints = (text for s in samples for text in s.hints)
     return TorquePrediction(
         fit=fit,
         logs=given_paths(samples),
         measured=measured,
+        errors=errors,
         motion=samples[0].motion,
         notes={s.path or s.name: s.notes for s in samples},
         hints=(
@@ -506,12 +504,32 @@ def _predict_along(
             *hints,
         ),
         lacking=_lacking_torque(fit, case, found, run),
-        **{name: np.concatenate([one[name] for one in found]) for name in found[0]},
+        **found,
     )
 
 
+def _predict_chunks(
+    fit: Fit, regression: Regression, measured: Sequence[bool]
+) -> dict[str, np.ndarray]:
+    """Return predicted and measured torque of all rows, as a `TorquePrediction` names them."""
+    found = [
+        _predict_rows(fit, chunk, measured[chunk.log])
+        for part in regression.parts(whole=True)
+        for chunk in part.chunks()
+    ]
+    return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+
+
+def _judge(rows: Mapping[str, np.ndarray]) -> Prediction:
+    """Return the errors of some rows where torque is known."""
+    log = rows["log"]
+    times = [rows["t"][log == k] for k in range(log[-1] + 1)]
+    tau, raw = (np.nan_to_num(rows[name]) for name in ("tau", "raw"))
+    return Prediction.of(times, tau, rows["predicted"][:, :, None], log, rows["known"], raw)
+
+
 def _lacking_torque(
-    fit: Fit, case: Case, found: Sequence[Mapping[str, np.ndarray]], run: Run
+    fit: Fit, case: Case, found: Mapping[str, np.ndarray], run: Run
 ) -> Array | float:
     """Return the gravity torque that the columns of the logs lack, (N, n), or none anywhere."""
     carried = fit.reading
@@ -519,7 +537,8 @@ def _lacking_torque(
         return 0.0
     literal = case.with_(reading=None).recordings(run)
     logs = (*literal.fitted, *literal.held_out)
-    parts = [carried.lacking(logs[rows["log"][0]], rows["t"]) for rows in found]
+    each = np.unique(found["log"]).tolist()
+    parts = [carried.lacking(logs[k], found["t"][found["log"] == k]) for k in each]
     return np.concatenate(parts)
 
 

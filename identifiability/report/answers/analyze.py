@@ -130,7 +130,9 @@ class LadderedPresenter(PredictingPresenter):
             export = partial(commands.export_line, result.robot)
             line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
             out.append(command("export", line))
-        return _order_commands(result, out, f"{find} --report missing.html", ladder)
+        return _order_commands(
+            result, out, f"{find} --out model.toml --report missing.html", ladder
+        )
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
@@ -424,7 +426,11 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
     joint = result.robot.joints[int(np.argmax(each))]
     held = real.nearest.active if real.nearest else ()
     names = held or ("nothing",)
-    yield sentence("decision.impossible", near=near, error=free, joint=joint, names=names)
+    text = sentence("decision.impossible", near=near, error=free, joint=joint, names=names)
+    brakes = [x for x in result.robot.joints if {f"{x}.Fv ≥ 0", f"{x}.Fc ≥ 0"} <= {*held}]
+    if brakes:
+        text += sentence("decision.impossible", "negative", joints=brakes)
+    yield text
 
 
 def state_physics(result: Laddered[Any]) -> str:
@@ -478,7 +484,7 @@ def _order_commands(
     missing = command("missing", find)
     very_good = grade_of(result.chosen.error_ra_validation) == "very-good"
     first = result.missing.functions or result.chosen.contradicted or not very_good
-    # A ladder may come from a diagnosis.
+    # A ladder may come from a diagnosis, which proposes to compare.
     if not ladder:
         lines = [missing, *lines] if first else [*lines, missing]
     # Logs disagree under a model that misses an effect; differences show in addition to that.
@@ -486,7 +492,8 @@ def _order_commands(
         names = given_paths(result.samples)
         how = result.settings["preparation"]
         compare = commands.compare_line(result.robot, names, how, ladder)
-        lines = [command("compare", compare), *lines]
+        line = command("compare", compare)
+        lines = [*lines[:2], line] if ladder else [line, *lines]
     return lines[:3]
 
 

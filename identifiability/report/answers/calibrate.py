@@ -50,7 +50,8 @@ class CalibrationPresenter(AnsweringPresenter):
         found = [usual[word]]
         if analysis.missing.functions:
             held = held_back(analysis.validation, analysis.samples)
-            found.insert(0, ("missing", f"diagnose {name} {logs}{held} --report missing.html"))
+            line = f"diagnose {name} {logs}{held} --out model.toml --report missing.html"
+            found.insert(0, ("missing", line))
         return [command(purpose, line) for purpose, line in found]
 
     def tables(self) -> tuple[Table, ...]:

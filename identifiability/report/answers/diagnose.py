@@ -17,7 +17,7 @@ from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, join, measured, state_probability
+from identifiability.foundation.rounding import join, measured, state_probability
 from identifiability.physical.cad_prior import find_rises
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
@@ -101,17 +101,17 @@ class DiagnosisPresenter(PredictingPresenter):
         undecided = any(e.alternatives for e in d.effects) and not d.written("next")
         with_model = partial(on_file, d, "model", "model.toml", f"{again} --out")
         out = []
+        judge = f"analyze {self.robot} {logs}"
+        if d.included:
+            line = with_model(partial("{} --ladder {} --report report.html".format, judge))
+            out.append(command("judge", line))
+        if undecided:
+            out.append(command("separate", f"{again} --next motion.json"))
         if logs_disagree(d):
             line = compare_line(d.robot, paths, d.preparation)
             if d.included:
                 line = with_model(partial("{} --ladder {}".format, line))
             out.append(command("compare", line))
-        if undecided:
-            out.append(command("separate", f"{again} --next motion.json"))
-        judge = f"analyze {self.robot} {logs}"
-        if d.included:
-            line = with_model(partial("{} --ladder {} --report report.html".format, judge))
-            out.append(command("judge", line))
         if not d.commanded and find_rises(d.physical, "mjcf"):  # such a file is refused
             return out or [command("judge", f"{judge} --report report.html")]
         export = partial(export_line, d.robot)
@@ -353,22 +353,25 @@ def _capital(text: str) -> str:
 
 
 def _state_size(e: NamedEffect) -> str:
-    """Return the masses of a load, or the largest torque of an effect, with 95 % intervals.
+    """Return the masses of a load, or the largest torque of an effect, ± one standard error.
 
-    An effect of several numbers a place has no single size.
+    An effect of several numbers a place has no single size. The number of an effect with a shape is
+    the limit of its curve, so its largest torque along the logs is stated instead.
     """
     rows = [row for p in e.placements for row in p.rows]
     masses = [row for row in rows if row[0].endswith(".payload_m")]
     if masses:
-        sizes = [measured(value, REACH * error, unit) for _, value, error, unit in masses]
-        return f", {' and '.join(sizes)}"
+        sizes = [measured(value, error, unit) for _, value, error, unit in masses]
+        return sentence("diagnosis.missing", "size", size=" and ".join(sizes))
     torques = [row for row in rows if row[3] in TORQUE_UNITS]
     if len(rows) > len(e.placements) or not torques:
         return ""
     _, value, error, unit = max(torques, key=lambda row: abs(row[1]))
-    size = measured(abs(value), REACH * error, unit)
+    if any(np.isfinite(p.shape) for p in e.placements):
+        peak = max(p.peak for p in e.placements)
+        return sentence("diagnosis.missing", "peak", peak=peak, unit=unit)
     part = "size" if len(rows) == 1 else "largest"
-    return sentence("diagnosis.missing", part, size=size)
+    return sentence("diagnosis.missing", part, size=measured(abs(value), error, unit))
 
 
 # How much of the gap it explains, and how good the model is then.

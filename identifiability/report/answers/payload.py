@@ -45,7 +45,7 @@ class LoadPresenter(AnsweringPresenter):
             out = [command("weigh", f"{call} --without empty.csv")]
         if result.without and result.estimate.lacks:
             unloaded = name_logs(result.robot, result.without)
-            line = f"diagnose {self.robot} {unloaded} --report missing.html"
+            line = f"diagnose {self.robot} {unloaded} --out model.toml --report missing.html"
             out = [command("missing", line)]
         begun = name_logs(result.robot, result.logs, "--start-from")
         return [*out, command("motion", f"excite {self.robot} {begun} --out next.json")]

@@ -67,7 +67,7 @@ class TorquePredictionPresenter(PredictingPresenter):
         line = f"predict {self.robot} {given} {every} --out torque.csv"
         table = [command("samples", line)] if result.written("table") is None else []
         if _find_few(result):
-            line = f"diagnose {self.robot} {measured} --report missing.html"
+            line = f"diagnose {self.robot} {measured} --out model.toml --report missing.html"
             return [command("missing_here", line), *table]
         return [*table, command("export", export_line(result.robot, given))]
 
@@ -178,7 +178,7 @@ class PositionPredictionPresenter(AnsweringPresenter):
         """Return the line that diagnoses the logs."""
         result = self.result
         logs = name_logs(result.robot, given_paths(result.logs))
-        line = f"diagnose {self.robot} {logs} --report missing.html"
+        line = f"diagnose {self.robot} {logs} --out model.toml --report missing.html"
         return [command("missing_file", line)]
 
     def tables(self) -> tuple[Table, ...]:

@@ -83,6 +83,8 @@ class Placement:
         Of the mixed model, with standard errors.
     rms : float [N·m or N]
         Of the torque that it adds at the joint where it is largest.
+    peak : float [N·m or N]
+        Largest torque that it adds along the fitted rows.
     rivals : tuple of Rival
     weight : float
         Its posterior probability among all competing hypotheses.
@@ -97,6 +99,7 @@ class Placement:
     values: Array
     errors: Array
     rms: float
+    peak: float
     rivals: tuple[Rival, ...] = ()
     weight: float = 1.0
     odds: float = float("nan")

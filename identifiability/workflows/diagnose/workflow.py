@@ -867,6 +867,7 @@ def _place(naming: Naming, k: int) -> Placement:
     parameters = part.parameters(naming.problem.robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
     sizes = [float(np.sqrt(np.mean(x**2))) for x in added]
+    peaks = [float(np.abs(x).max(initial=0.0)) for x in added]
     every = [r.group for r in part.rivals]  # a family everywhere is here, too
     rivals = [Rival(g.family, g.place.replace(EVERYWHERE, c.place)) for g in every]
     names = tuple(x.name for x in parameters)
@@ -879,6 +880,7 @@ def _place(naming: Naming, k: int) -> Placement:
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
         rms=max(sizes, default=0.0),
+        peak=max(peaks, default=0.0),
         rivals=tuple(dict.fromkeys(rivals)),
         weight=part.weight,
         odds=part.term.odds,
