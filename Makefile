@@ -58,6 +58,7 @@ lint: $(VENV)/dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/mypy --config-file studies/mypy.ini
 	$(BIN)/lint-imports
 
 format: $(VENV)/dev

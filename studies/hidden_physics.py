@@ -337,7 +337,8 @@ class _Simulation:
         tau, forces, stuck, full = (np.stack(x, 1) for x in zip(*samples, strict=True))
         t = STEP * np.arange(0, self.wanted.shape[1] - settle, every)
         q = full[:, :, 0, self.at]
-        return Runs(t, q, *(full[:, :, i, dofs] for i in (1, 2)), tau, forces, stuck, full)
+        dq, ddq = (full[:, :, i, dofs] for i in (1, 2))
+        return Runs(t, q, dq, ddq, tau, forces, stuck, full)
 
 
 def stick(free: Array, A: Array, up: Array, down: Array, v: Array) -> tuple[Array, np.ndarray]:

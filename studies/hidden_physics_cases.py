@@ -36,7 +36,7 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.logs.prepare.preparation import choose_cutoff
+from identifiability.logs.prepare.preparation import CommonPreparation, choose_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
@@ -428,7 +428,10 @@ class Case:
         rms = np.sqrt((runs.tau[:FITTED] ** 2).mean((0, 1)))
         how = Preparation(derivatives="given", keep_rest=True)
         if logs:
-            band = choose_cutoff(self.robot, logs, None).band
+            chosen = choose_cutoff(self.robot, logs, None)
+            assert isinstance(chosen, CommonPreparation)
+            assert chosen.band is not None
+            band = chosen.band
             wide = max(band.cutoff, min(band.limit, LOG_RULES.cutoff_highest * self.rate))
             how = Preparation(cutoff=wide, decimate=1, keep_rest=True)
         for k in range(FITTED):

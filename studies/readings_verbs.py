@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from hidden_physics import add_mass, torque_between
@@ -103,7 +104,7 @@ class Subject:
         """The same in a file."""
         return self.analysis.to_json(self.path / "result.json")
 
-    def column_error(self, prediction: object) -> float:
+    def column_error(self, prediction: Any) -> float:
         """Return the error of a prediction in the columns of the log, over sound variation."""
         p = getattr(prediction, "as_logged", prediction)
         known = p.known & np.isfinite(p.tau)
@@ -217,8 +218,10 @@ def measure(kind: str, verbs: Sequence[str], stream: str, folder: Path) -> dict[
     """Return the answers of verbs on logs with a fault over those on the data read right."""
     drawn = draw(stream, NUMBER, ARM)
     gravity = plant_fault(drawn, kind).true_gravity
-    pair = [plant_fault(changed, kind) for changed in change_machine(drawn, gravity)]
-    subjects = [Subject(*pair, folder / name, true=name == "right") for name in ("read", "right")]
+    loaded, worn = (plant_fault(changed, kind) for changed in change_machine(drawn, gravity))
+    subjects = [
+        Subject(loaded, worn, folder / name, true=name == "right") for name in ("read", "right")
+    ]
     out: dict[str, float | str] = {"fault": kind}
     for verb in verbs:
         answer, is_error = VERBS[verb]

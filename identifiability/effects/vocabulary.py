@@ -157,7 +157,7 @@ def _home(robot: Robot, joint: str) -> float:
 
 
 def by_effect(
-    robot: Robot, names: Iterable[str], shapes: Mapping[str, float] | None = None
+    robot: Robot, names: Iterable[str], shapes: Mapping[str, float] | None
 ) -> dict[str, tuple[str, ...]]:
     """Return parameters by the titles of the effects that have them; others by themselves.
 
@@ -185,9 +185,7 @@ def drop_follower_friction(robot: Robot) -> dict[str, float]:
     return {f"{axis.name}.{kind}": 0.0 for axis in robot.passive_axes for kind in kinds}
 
 
-def complete_values(
-    robot: Robot, given: Mapping[str, float], *, keep: bool = True
-) -> dict[str, float]:
+def complete_values(robot: Robot, given: Mapping[str, float], *, keep: bool) -> dict[str, float]:
     """Return all nominal values of a robot that has some other ones.
 
     Payloads become part of their bodies. Every Coulomb level is given for both directions together

@@ -102,9 +102,7 @@ def measure_spread(
     return TorqueUncertainty(covariance=covariance, unknown=unknown, low=low, raw=raw, dof=dof)
 
 
-def measure_errors(
-    information: Information, fit: Estimate, wider: float = 1.0
-) -> tuple[Array, Array]:
+def measure_errors(information: Information, fit: Estimate, wider: float) -> tuple[Array, Array]:
     """Return the covariance (k, k) of the values of a fit, and its unseen directions, (k, d).
 
     Parameters

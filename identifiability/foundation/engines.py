@@ -349,7 +349,7 @@ def _read_back(path: Path) -> tuple[Any, ...]:
     return ()
 
 
-def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
+def fingerprint(function: Callable[..., Any], item: Any) -> str:
     """Return a hash of a function with its arguments, an item, and the programs that work."""
     import joblib  # noqa: PLC0415 - heavy
 

@@ -30,7 +30,6 @@ from .formats.reader import (
     list_files,
 )
 from .names import check_names
-from .table_reader import with_index
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -133,20 +132,6 @@ def read_pieces(path: Path, known: Conventions | None = None) -> Iterator[Whole]
             raise LogError(
                 f"{path} changed while it was read; wait until it is complete, then start again."
             )
-
-
-def read_table(path: str | Path) -> pd.DataFrame:
-    """Read a CSV or Parquet file, or the joint states of a bag, without interpretation.
-
-    Raises
-    ------
-    LogError
-        If the file is missing, is no table, or damaged.
-    """
-    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
-
-    pieces = [with_index(frame) for frame, *_ in read_pieces(Path(path))]
-    return pd.concat(pieces, ignore_index=True)
 
 
 def _stamp(place: Path) -> list[tuple[int, int]]:

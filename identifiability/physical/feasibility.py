@@ -24,7 +24,7 @@ from identifiability.robot import Robot
 from identifiability.robot.inertials import describe_faults, find_faults
 from identifiability.robot.locate import LARGEST
 
-from .cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
+from .cad_prior import WEIGHTS, CadPrior, draw_bodies, state_rows
 from .fitted_model import FittedModel, LeastSquares, PhysicalSet, physical_set
 from .project import (
     COLUMN,
@@ -319,7 +319,7 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
     return Projection(model.region, reference=possible, prior=prior, fixed=model.fixed)
 
 
-def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
+def find_nearest(model: FittedModel, cad_weight: float) -> PhysicalResult:
     """Find the nearest physically consistent values, without a certificate of the estimate."""
     structure = model.structure
     data = _believe(model, cad_weight)

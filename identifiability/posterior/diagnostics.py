@@ -172,12 +172,12 @@ def diagnose_convergence(
     return replace(found, reasons=(*stopped, *reasons))
 
 
-def may_suffice(draws: Array, thresholds: Thresholds | None = None) -> bool:
+def may_suffice(draws: Array) -> bool:
     """Whether draws (E, K, N, p) are worth the full diagnosis: by their autocorrelation time.
 
     Parameters that never move are left out.
     """
-    limits = thresholds or Thresholds()
+    limits = Thresholds()
     chains = draws.reshape(-1, *draws.shape[2:])
     N = chains.shape[1]
     ranges = np.ptp(chains, axis=(0, 1))

@@ -494,8 +494,8 @@ class Regression:
 def map_parts(
     function: Callable[[LogPart], Result],
     parts: Sequence[LogPart],
-    engine: Engine | None = None,
-    progress: Steps | None = None,
+    engine: Engine | None,
+    progress: Steps | None,
 ) -> Iterator[Result]:
     """Yield ``function(part)`` for every part of a regression, in order.
 

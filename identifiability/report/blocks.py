@@ -505,7 +505,7 @@ def motion_traces(
     values: Array,
     joints: Sequence[str],
     units: Sequence[str],
-    limits: Array | None = None,
+    limits: Array | None,
 ) -> Traces:
     """Return curves of joints over time, with their limits as a band.
 

@@ -104,7 +104,7 @@ def drawn(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 def canvas(
     width: float,
     height: float,
-    margins: tuple[float, float, float, float] = (58, 12, 30, 38),
+    margins: tuple[float, float, float, float],
     ratios: Sequence[float] = (1,),
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with axes one above the other.
@@ -156,9 +156,7 @@ def strokes(axes: Axes, starts: Array, ends: Array, colour: str, **style: Any) -
     )
 
 
-def dots(
-    axes: Axes, x: Array, y: Array, colour: str, size: float = 2.4, alpha: float = 0.5
-) -> None:
+def dots(axes: Axes, x: Array, y: Array, colour: str, size: float, alpha: float) -> None:
     """Draw points as strokes without length, a tenth of the size of markers."""
     points = np.stack([x, y], 1)
     strokes(

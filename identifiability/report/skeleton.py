@@ -88,7 +88,7 @@ def _outline(places: Array) -> list[int]:
     return [*around, around[0]]
 
 
-def _trace(robot: Robot, poses: Array, load: Point | None = None) -> _Parts:
+def _trace(robot: Robot, poses: Array, load: Point | None) -> _Parts:
     """Return the points and shapes of a robot at F poses (F, nq).
 
     Where a body carries a load, its centre comes after the joints. A body goes from its joint to

@@ -61,10 +61,10 @@ def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int
 
 def read_robot(
     source: str | Path,
-    sidecar: str | Path | None = None,
-    lock: LockOption | None = None,
-    base: Literal["fixed", "floating"] | None = None,
-    torque_side: Side | None = None,
+    sidecar: str | Path | None,
+    lock: LockOption | None,
+    base: Literal["fixed", "floating"] | None,
+    torque_side: Side | None,
 ) -> Description:
     """Read a robot; see `Robot.load`."""
     path = locate_robot(source)

@@ -38,7 +38,7 @@ def find_sidecar(path: Path) -> Path | None:
     return next((place for place in places if place.is_file()), None)
 
 
-def place_sidecar(path: Path, taken: Path | None = None) -> Path:
+def place_sidecar(path: Path, taken: Path | None) -> Path:
     """Return a path for a sidecar that no other robot file reads.
 
     Parameters

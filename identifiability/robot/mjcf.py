@@ -87,7 +87,7 @@ def read_spec(
     return spec
 
 
-def replace_free_joints(spec: Any, floating: str | None = None) -> None:
+def replace_free_joints(spec: Any, floating: str | None) -> None:
     """Remove the free joints of a MuJoCo spec, or replace one by three slides and three hinges.
 
     The frame of the base is then that of the world. Keyframes are removed, because they lack these

@@ -286,7 +286,7 @@ def _take_mass_off(element: ET.Element) -> None:
     """Remove the mass of the bodies that are fixed to a body with a stated inertial."""
     for child in _parts(element, "body"):
         if not _parts(child, "joint", "freejoint"):
-            _remove_all(child, "inertial")
+            _remove_inertials(child)
             for geom in _parts(child, "geom"):
                 geom.set("mass", "0")
                 geom.attrib.pop("density", None)
@@ -407,7 +407,7 @@ def edited_text(
     robot: Description,
     bodies: Mapping[str, Array],
     joints: Mapping[str, NumberByName],
-    comment: str = "",
+    comment: str,
 ) -> str:
     """Return the text of a robot's file with other numbers; all other text is unchanged.
 
@@ -574,7 +574,7 @@ def _write_urdf_inertial(
         while name in hosts and name != body:
             name = hosts[name]
         if name == body != link.get("name"):  # bodies that are fixed to this one are part of it now
-            _remove_all(link, "inertial")
+            _remove_inertials(link)
 
 
 def root_link(top: ET.Element) -> str:
@@ -603,8 +603,8 @@ def turn_base(top: ET.Element, gravity: Array) -> None:
     urdf_joint(top, f"{ground}_to_{first}", "fixed", ground, first, turn)
 
 
-def _remove_all(element: ET.Element, tag: str) -> None:
-    for old in element.findall(tag):
+def _remove_inertials(element: ET.Element) -> None:
+    for old in element.findall("inertial"):
         element.remove(old)
 
 

@@ -15,7 +15,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
-from identifiability.foundation.runs import First, Progress, quiet
+from identifiability.foundation.runs import First, Progress
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
@@ -73,8 +73,8 @@ def follow_commands(
     structure: Structure,
     how: Preparation,
     rng: np.random.Generator,
-    say: Progress = quiet,
-    first: First | None = None,
+    say: Progress,
+    first: First | None,
 ) -> tuple[Recordings, Structure]:
     """Return recordings with calibrated torque of commands, and the structure of their robot.
 

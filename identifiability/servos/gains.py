@@ -17,7 +17,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.runs import First, Progress, quiet
+from identifiability.foundation.runs import First, Progress
 from identifiability.logs import Log
 from identifiability.logs.contradictions import check_units
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
@@ -52,9 +52,7 @@ def select_commanded(robot: Robot, logs: Iterable[Log]) -> list[Log]:
     return [set_aside_joints(log) for log in selected]
 
 
-def learn_gains(
-    robot: Robot, logs: Sequence[Log], say: Progress = quiet, first: First | None = None
-) -> Robot:
+def learn_gains(robot: Robot, logs: Sequence[Log], say: Progress, first: First | None) -> Robot:
     """Return a robot whose servos have gains; logs of commands determine the unknown ones.
 
     Raises

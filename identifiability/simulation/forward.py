@@ -64,7 +64,7 @@ def mixed_axes(robot: Robot) -> dict[str, dict[str, float]]:
     return {a.name: dict(a.weights) for a in robot.axes if a.mixed}
 
 
-def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | None = None) -> Any:
+def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | None) -> Any:
     """Return the MuJoCo model of a robot with other bodies, without looks and contacts.
 
     Parameters

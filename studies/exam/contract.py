@@ -49,15 +49,17 @@ class Answer(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     tool: str = Field(description="Name and version.")
-    refused: str = Field("", description="Why the tool does not answer; empty if it does.")
+    refused: str = Field(default="", description="Why the tool does not answer; empty if it does.")
     predictions: list[str] = Field(
-        [], description="One CSV a held-out log: `t`, and `<joint>.tau` or `<joint>.q`."
+        default=[], description="One CSV a held-out log: `t`, and `<joint>.tau` or `<joint>.q`."
     )
-    robot: str = Field("", description="The written robot file; scored in cases of commands.")
-    delay: float = Field(0.0, description="Time until a command acts [s].")
+    robot: str = Field(
+        default="", description="The written robot file; scored in cases of commands."
+    )
+    delay: float = Field(default=0.0, description="Time until a command acts [s].")
     values: list[Value] = []
-    effects: list[str] = Field([], description="Hidden effects: family, blank, joint.")
-    columns: list[tuple[str, str]] = Field([], description="Exchanged columns, in pairs.")
+    effects: list[str] = Field(default=[], description="Hidden effects: family, blank, joint.")
+    columns: list[tuple[str, str]] = Field(default=[], description="Exchanged columns, in pairs.")
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ def _error(case: Case, answer: Answer, out: Path, logs: Sequence[pd.DataFrame]) 
         t = log["t"].to_numpy()
         edge = EDGE * (t[-1] - t[0])
         inside = (t >= t[0] + edge) & (t <= t[-1] - edge)
-        columns = [c for c in log if c.endswith(f".{kind}")]
+        columns = [c for c in log.columns if c.endswith(f".{kind}")]
         if not {"t", *columns} <= {*guess}:
             return float("inf")
         if guess["t"].iloc[0] > t[inside][0] or guess["t"].iloc[-1] < t[inside][-1]:
@@ -110,7 +110,7 @@ def _roll(path: Path, log: pd.DataFrame, delay: float) -> pd.DataFrame:
     """Return positions of a written robot that commands move in MuJoCo."""
     from so101 import roll_alone  # noqa: PLC0415 - it needs MuJoCo, which torque does not
 
-    joints = [c.removesuffix(".cmd") for c in log if c.endswith(".cmd")]
+    joints = [c.removesuffix(".cmd") for c in log.columns if c.endswith(".cmd")]
     q: Array = roll_alone(path, log, joints, delay)
     return pd.DataFrame({"t": log["t"]} | {f"{j}.q": q[:, k] for k, j in enumerate(joints)})
 

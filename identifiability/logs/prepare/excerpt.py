@@ -107,9 +107,7 @@ def _tell_windows(log: Log, windows: Sequence[tuple[int, int]]) -> Finding:
     )
 
 
-def thin_prepared(
-    samples: Dataset, log: Log, asked: Preparation | None, most: int = MOST_SAMPLES
-) -> Dataset:
+def thin_prepared(samples: Dataset, log: Log, asked: Preparation | None, most: int) -> Dataset:
     """Return an excerpt of a prepared log.
 
     Parameters

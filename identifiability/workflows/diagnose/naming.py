@@ -742,7 +742,7 @@ class _Grid:
         return np.concatenate([on, self.courses])
 
 
-def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
+def find_change_in_log(naming: Naming, effects: Collection[str] | None) -> Change | None:
     """Return the likeliest change in the middle of a log, given the named effects, if it is sure.
 
     Unseen motion cannot refute a change. It must therefore exceed both thresholds together, and no

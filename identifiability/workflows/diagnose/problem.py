@@ -383,7 +383,7 @@ DRAWN_STRETCHES = 24
 
 
 def change_interval(
-    error: Array, deviation: Array, rng: np.random.Generator, draws: int = 2000
+    error: Array, deviation: Array, rng: np.random.Generator
 ) -> tuple[float, float]:
     """Return the 95 % interval of the change of ε_RA from one model to another.
 
@@ -396,13 +396,12 @@ def change_interval(
     deviation : (N, n) [N·m or N]
         Distances of the measured torque from its mean over everything.
     rng : numpy.random.Generator
-    draws : int
     """
     count = min(DRAWN_STRETCHES, len(error))
     differences = error[:, :, 1] - error[:, :, 0]
     both = (differences.sum(1), deviation.sum(1))
     parts, wholes = (np.add.reduceat(x, np.arange(count) * len(x) // count) for x in both)
-    counts = rng.multinomial(count, np.full(count, 1 / count), size=draws)
+    counts = rng.multinomial(count, np.full(count, 1 / count), size=2000)
     size = counts @ wholes
     low, high = np.quantile((counts @ parts) / np.where(size > 0, size, 1.0), ENDS)
     return float(low), float(high)
