@@ -151,7 +151,7 @@ class Servo:
             "([servo] rate = …) where Fv itself matters, as rollouts hardly change."
         )
 
-    def doubt_scale(self, larger: Array, shares: Sequence[float]) -> list[Finding]:
+    def doubt_scale(self, larger: Array, sd: Array, shares: Sequence[float]) -> list[Finding]:
         """Return a finding if one factor seems wrong in all stated gains; none if logs gave them.
 
         Commands and positions determine only ratios of gain and mass. Gains that are too high make
@@ -161,10 +161,15 @@ class Servo:
         ----------
         larger : (b,)
             Log ratios of masses from rollouts to masses of the file.
+        sd : (b,)
+            Their standard deviations.
         shares : sequence of b float
             Prior standard deviation of each log ratio.
         """
-        if self.rolled or abs(np.sum(larger / shares)) <= REACH * np.sqrt(len(shares)):
+        # The part of each ratio that rollouts determine; prior knowledge determines the rest.
+        by_rollouts = np.maximum(1 - (sd / shares) ** 2, 0.0)
+        reach = REACH * np.sqrt(by_rollouts.sum())
+        if self.rolled or abs(np.sum(larger / shares)) <= reach:
             return []
         return [Finding("gains_scale", self.source, factor=np.exp(np.mean(larger)))]
 

@@ -142,7 +142,8 @@ def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> Ident
     robot = replace(robot, servo=servo)
     text = filter(None, [check_found(robot, logs, found), state_servos(robot, logs, found)])
     larger = 2.0 * found.numbers["sizes"]
-    scale = servo.doubt_scale(larger, [*file_shares(robot).values()])
+    sd = 2.0 * found.unsure[found.search[0].bodies]
+    scale = servo.doubt_scale(larger, sd, [*file_shares(robot).values()])
     if scale:
         # Motion determines ratios alone, and masses of the file are better known than drives.
         factor = float(np.exp(np.mean(larger)))
