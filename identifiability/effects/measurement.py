@@ -305,8 +305,7 @@ class FromJoint(Shaped):
         """Return one for every joint, in the unit between the two."""
         crossed = {}
         for axis in self.axes(robot):
-            other = int(robot.actuated[self.origin(robot, axis)])
-            if axis.prismatic != robot.is_prismatic(other):
+            if axis.prismatic != robot.slides[self.origin(robot, axis)]:
                 crossed[axis.name] = self.crossed[axis.prismatic]
         every = super().parameters(robot)
         return tuple(replace(p, unit=crossed[p.owner]) if p.owner in crossed else p for p in every)

@@ -6,6 +6,7 @@ any. The autocorrelation time of each actuator's noise is measured in the residu
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 
@@ -19,6 +20,7 @@ from identifiability.foundation.linalg import (
     ROUNDOFF,
     TINY,
     few_at_once,
+    find_chains,
     or_one,
     sandwich,
     scan_columns,
@@ -482,19 +484,15 @@ class Estimator:
         Columns that `fit` dropped stay zero; a replicate that determines no values is NaN.
         `counts` is (replicates, B), of resampling or of leaving out folds.
         """
-        kept = list(fit.kept)
-        k = len(fit.kept)
         values = np.zeros((len(counts), information.size))
-        if not k:
-            return values
-        start, to_x, both = self.equations(information.select(kept), fit)
-        # The prior counts once in each.
-        behind = (0, len(both) - counts.shape[1])
-        counts = np.pad(counts, ((0, 0), behind), constant_values=1.0)
-        flat = both.reshape(len(both), -1)
-        for at in few_at_once(len(counts), flat[:1].nbytes):
-            sums = (counts[at] @ flat).reshape(-1, k, k + 1)
-            values[at, kept] = start + solve_each(sums) @ to_x.T
+        for columns, start, to_x, both in self._equations_of_chains(information, fit):
+            # The prior counts once in each.
+            more = ((0, 0), (0, len(both) - len(information.counts)))
+            each = np.pad(counts, more, constant_values=1.0)
+            flat = both.reshape(len(both), -1)
+            for at in few_at_once(len(each), flat[:1].nbytes):
+                sums = (each[at] @ flat).reshape(-1, *both.shape[1:])
+                values[at, columns] = start + solve_each(sums) @ to_x.T
         return values
 
     def influence(self, information: Information, fit: Estimate) -> Array:
@@ -503,14 +501,23 @@ class Estimator:
         The squares, summed over independent blocks, are the variance of the values: leverage is
         allowed for [Bell & McCaffrey 2002]. Columns that `fit` dropped are zero.
         """
-        kept = list(fit.kept)
-        k = len(fit.kept)
-        _, to_x, both = self.equations(information.select(kept), fit)
-        both = both[: len(information.counts)]
-        moved = np.zeros((len(both), information.size))
-        leverage = correct_leverage(both[:, :, k], both[:, :, :k])
-        moved[:, kept] = leverage @ to_x.T
+        blocks = len(information.counts)
+        moved = np.zeros((blocks, information.size))
+        for columns, _, to_x, both in self._equations_of_chains(information, fit):
+            of_blocks = both[:blocks]
+            corrected = correct_leverage(of_blocks[:, :, -1], of_blocks[:, :, :-1])
+            moved[:, columns] = corrected @ to_x.T
         return moved
+
+    def _equations_of_chains(
+        self, information: Information, fit: Estimate
+    ) -> Iterator[tuple[np.ndarray, Array, Array, Array]]:
+        """Yield the kept columns of each chain, and their `equations`."""
+        part = information.select(fit.kept)
+        together = [np.arange(part.size)] if fit.kept else []
+        for chain in together if self.instruments else part.chains:
+            columns = np.array(fit.kept)[chain]
+            yield columns, *self.equations(part.select(chain.tolist()), fit)
 
     def equations(self, part: Information, fit: Estimate) -> tuple[Array, Array, Array]:
         """Return values (k,), coordinates (k, k) and equations of blocks in these, (B, k, k + 1).
@@ -617,15 +624,19 @@ def _solve(
     if kept:
         value[kept] = solve_triangular(R[:m, :m], R[:m, m])
     rss = information.squares(np.append(-value, 1.0))
-    if kept:
-        # Weights that know of memory are those of σ² κ; independent residuals would have σ² alone.
-        white = sandwich(R[:m, :m], information.factor(weights / times)[:, kept])
-        covariance[np.ix_(kept, kept)] = white
+    # Weights that know of memory are those of σ² κ; independent residuals would have σ² alone.
+    white = information.factor(weights / times)
+    spans = [np.ones(1)]
+    for chain in find_chains(R[:m, :m] != 0):
+        at = np.array(kept)[chain]
+        own = R[np.ix_(chain, chain)]
+        covariance[np.ix_(at, at)] = sandwich(own, white[:, at])
+        spans.append(np.linalg.svd(own / length[at], compute_uv=False))
+    span = np.concatenate(spans[1:] or spans)
     # A column that a dropped one leans on has a value only as long as that one is zero.
     determined = np.abs(never).max(1, initial=0.0) < NEARLY
     covariance[~determined] = covariance[:, ~determined] = 0.0
     freedom = information.rows_each * (1 - m / max(information.rows, 1))
-    condition = float(np.linalg.cond(unit[:, kept])) if kept else 1.0
     found = Estimate(
         columns=information.columns,
         value=value,
@@ -637,7 +648,7 @@ def _solve(
         rss=rss,
         rows=information.rows_each,
         open=never,
-        condition=condition,
+        condition=float(span.max() / span.min()),
         weights=weights,
         times=times,
         estimator=estimator,

@@ -36,6 +36,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from scipy.special import stdtrit
@@ -367,13 +368,16 @@ class HeldOut:
         left = np.broadcast_to(left, (self.folds.count, left.shape[-1]))
         squares = self.tests.squares_of_blocks(left)
         density = -0.5 * squares @ (1.0 / self.noise)
-        for f, (L, x) in enumerate(zip([] if roots is None else roots, left, strict=False)):
-            half = L.T @ self.products[f, :-1]
+        every = np.empty((0, 0, 0)) if roots is None else roots
+        for f, chain in product(range(len(every)), self.tests.chains):
+            L = every[f, chain]
+            L = L[:, L.any(0)]
+            half = L.T @ self.products[f, chain]
             # No Cholesky factor: roots of a joint that never moves are long, and rounding of their
             # products leaves the sum indefinite.
-            sizes, turn = np.linalg.eigh(half[:, :-1] @ L)
+            sizes, turn = np.linalg.eigh(half[:, chain] @ L)
             sizes = 1.0 + np.maximum(sizes, 0.0)
-            towards = turn.T @ (half @ x)
+            towards = turn.T @ (half @ left[f])
             density[f] += 0.5 * (towards**2 / sizes - np.log(sizes)).sum()
         ratio = self.folds.ratio if values.ndim > 1 else 0.0
         return Score(density, squares, self.information.variation, ratio)

@@ -411,7 +411,7 @@ def find_left_out(
     """
     kept = list(fit.kept)
     P = fit.estimator.project(information, fit, submodel.M[:, kept])
-    difference = P - np.linalg.pinv(submodel.M)[kept]
+    difference = P - submodel.inverse[kept]
     difference[np.abs(difference) < ROUNDOFF * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
     stated = structure.nominal_base - submodel.fixed
     scatter = body_scatter(structure)

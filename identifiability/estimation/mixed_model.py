@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import log_ndtr, ndtri, softmax
 
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, find_chains
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import ActuatorBlocks, Information, factor_each
@@ -189,6 +189,11 @@ class Solution(Normal):
     columns: np.ndarray
     log_likelihood: float
 
+    @cached_property
+    def chains(self) -> list[np.ndarray]:
+        """Columns of each chain of the robot: values of two of them are independent."""
+        return find_chains(self.factor != 0)
+
 
 @frozen
 class MixedModel:
@@ -241,6 +246,14 @@ class MixedModel:
         columns = self._columns(terms)
         among = self._between(columns[:, None], columns)
         return self._solve(terms, columns, among, self.target[columns])
+
+    def _project(self, s: Solution, columns: np.ndarray) -> Array:
+        """Return what of some columns is along a solution, (c, m)."""
+        along = self._between(s.columns[:, None], columns)
+        for chain in s.chains:
+            at = np.ix_(chain, np.flatnonzero(along[chain].any(0)))
+            along[at] = s.root[np.ix_(chain, chain)] @ along[at]
+        return along
 
     def _columns(self, terms: Terms) -> np.ndarray:
         """Return the columns of the fixed model and some terms."""
@@ -299,20 +312,28 @@ class MixedModel:
         s = self.solve(terms)
         sets = [at for g in asked for at in g.members]
         every = np.unique(np.concatenate([np.empty(0, int), *sets]))
-        along = s.root @ self._between(s.columns[:, None], every)
+        along = self._project(s, every)
         left = self.target[every] - along.T @ s.half
         widths = np.array([len(at) for at in sets])
-        sizes = [len(g.members) for g in asked]
-        positive = np.repeat([g.positive for g in asked], sizes)
-        rises, signs = np.zeros((2, len(sets), len(self.sizes)))
-        for width in np.unique(widths):
-            own = np.flatnonzero(widths == width)
-            some = np.array([sets[k] for k in own])
-            where = np.searchsorted(every, some)
-            scale = self.scale[some]
-            units = scale[:, :, None] * scale[:, None, :]
-            S = self.products.among(some) / units
-            rises[own], signs[own] = self.rise(S, along[:, where], left[where], positive[own])
+        places = [g.place for g in asked for _ in g.members]
+        moved = [along[chain].any(0) for chain in s.chains]
+        acts = np.vstack([self.products.acts(every), *moved])
+        pieces = list[tuple[int, np.ndarray]]()  # of each set, those of each chain
+        for k, own in enumerate(sets):
+            where = np.searchsorted(every, own)
+            apart = find_chains(acts[:, where]) if places[k] == EVERYWHERE else [...]
+            pieces += [(k, where[chain]) for chain in apart]
+        sums = np.zeros((3, len(sets), len(self.sizes)))
+        for width in {len(where) for _, where in pieces}:
+            alike = [piece for piece in pieces if len(piece[1]) == width]
+            owners = [k for k, _ in alike]
+            where = np.array([own for _, own in alike])
+            columns = every[where]
+            S = self._between(columns[:, :, None], columns[:, None, :])
+            rise = self.rise(S, along[:, where], left[where])
+            np.add.at(sums.swapaxes(0, 1), owners, rise)
+        rises, means, variances = sums
+        signs = np.log(2.0) + log_ndtr(means / np.sqrt(np.where(variances > 0, variances, 1.0)))
         out = []
         stop = 0
         for g in asked:
@@ -330,12 +351,10 @@ class MixedModel:
         # Ties keep their order in spite of rounding.
         return sorted(out, key=lambda t: -round(t.odds, 6))
 
-    def rise(
-        self, S: Array, part: Array, left: Array, signed: np.ndarray | None = None
-    ) -> tuple[Array, Array]:
-        """Return the rise of the log-likelihood by sets of columns, and the gain by their signs.
+    def rise(self, S: Array, part: Array, left: Array) -> Array:
+        """Return the rise of the log-likelihood by sets of columns, (s, 3, sizes).
 
-        Both by size, (s, sizes).
+        Then mean and variance of the sum of the levels of each set.
 
         Parameters
         ----------
@@ -343,8 +362,6 @@ class MixedModel:
             Products of the columns of each set.
         part, left : (c, s, k), (s, k)
             What of them is along the model, and their products with what it leaves.
-        signed : (s,) bool, optional
-            Sets whose sign counts; others gain nothing by it.
         """
         outside = S - np.einsum("csk,csl->skl", part, part, optimize=True)
         e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
@@ -352,14 +369,11 @@ class MixedModel:
         e, z = (np.where(told, x, 0.0) for x in (e, np.einsum("skl,sk->sl", U, left)))
         v = self.sizes[:, None] ** 2
         shrunk = v / (1.0 + v * e[:, None])
-        rise = 0.5 * (z[:, None] ** 2 * shrunk + np.log(shrunk / v)).sum(2)
-        gain = np.zeros(rise.shape)
-        if signed is not None and signed.any():
-            towards, shrunk = U[signed].sum(1)[:, None], shrunk[signed]
-            mean = (towards * z[signed, None] * shrunk).sum(2)
-            variance = (towards**2 * shrunk).sum(2)
-            gain[signed] = np.log(2.0) + log_ndtr(mean / np.sqrt(variance))
-        return rise, gain
+        towards = U.sum(1)
+        squares = np.stack([z**2, towards * z, towards**2], 2)
+        found = (shrunk @ squares).swapaxes(1, 2)
+        found[:, 0] = 0.5 * (found[:, 0] + np.log(shrunk / v).sum(2))
+        return found
 
     def least_named(self, terms: Terms, group: Group, towards: Array) -> float:
         """Return the smallest amount of a group that is named with 95 % probability.
@@ -376,7 +390,7 @@ class MixedModel:
         """
         s = self.solve(terms)
         every = np.unique(np.concatenate(group.members))
-        along = s.root @ self._between(s.columns[:, None], every)
+        along = self._project(s, every)
         whole = self._between(every[:, None], every)
         planted = np.zeros(len(every))
         scales = self.scale[group.members[0]]
@@ -394,7 +408,7 @@ class MixedModel:
             directions = along[:, None, at]
             part = np.broadcast_to(directions, (len(along), len(AMOUNTS), len(at)))
             amounts = standard_error * AMOUNTS[:, None] * left[at]
-            rises.append(self.rise(S, part, amounts)[0])
+            rises.append(self.rise(S, part, amounts)[:, 0])
         each = np.concatenate(rises, axis=1)
         likely = np.logaddexp.reduce(each, axis=1)
         odds = likely - np.log(each.shape[1]) - group.price

@@ -52,6 +52,24 @@ def triangular_factor(A: Array) -> Array:
     return np.asarray(np.triu(dgeqrf(A)[0][: A.shape[1]]))
 
 
+def find_chains(acts: np.ndarray) -> list[np.ndarray]:
+    """Return the columns of each chain: no row has columns of two chains.
+
+    Parameters
+    ----------
+    acts : (m, k) bool
+        Which columns act in each row.
+    """
+    count = acts.shape[1]
+    chain = np.arange(count)
+    joined = np.zeros(count, int)
+    while (joined != chain).any():
+        joined = chain
+        first = np.where(acts, chain, count).min(1, initial=count)
+        chain = np.minimum(chain, np.where(acts, first[:, None], count).min(0, initial=count))
+    return [np.flatnonzero(chain == k) for k in np.unique(chain)]
+
+
 def filter_from_rest(denominator: Array, x: Array) -> Array:
     """Return y with ``Σ a_k y_(t-k) = x_t``, zero before its first sample.
 

@@ -111,11 +111,11 @@ def find_named(text: str, names: Iterable[str]) -> list[str]:
         A text that equals a name means only that name.
     names : iterable of str
     """
+    if not is_pattern(text):
+        return [text] if text in names else []
     known = dict.fromkeys(names)
     if text in known:
         return [text]
-    if not is_pattern(text):
-        return []
     letters = {"*": ".*", "?": "."}
     parts = (letters.get(c, re.escape(c)) for c in text)
     rule = re.compile("".join(parts), re.DOTALL)

@@ -519,7 +519,7 @@ class FittedModel:
     @cached_property
     def to_x(self) -> Array:
         """The model's parameters of standard ones, (m, p); tied columns take the mean."""
-        return np.linalg.pinv(self.submodel.M) @ self.structure.G
+        return self.submodel.inverse @ self.structure.G
 
     @property
     def determined(self) -> bool:
@@ -557,6 +557,5 @@ class FittedModel:
         """Torque of the omitted parts of the model, ``rows phi − aim``: (b, p) and (b,)."""
         R = self.whole.factor(self.estimate.weights)[:-1, :-1]
         M = self.submodel.M
-        kept = M @ np.linalg.pinv(M) if M.size else np.zeros((len(M), len(M)))
-        rest = R @ (np.eye(len(M)) - kept)
+        rest = R @ (np.eye(len(M)) - M @ self.submodel.inverse)
         return rest @ self.structure.G, rest @ self.submodel.fixed

@@ -22,7 +22,7 @@ from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dposv
 
 from identifiability.foundation.engines import one_thread
-from identifiability.foundation.linalg import NEARLY
+from identifiability.foundation.linalg import NEARLY, TINY, find_chains
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -83,6 +83,8 @@ class Program:
     stiff : (q,)
     rows, slack : (m, q), (m,)
         ``rows @ z + slack ≥ 0`` are the signs and the bounds.
+    chains : list of (directions, bodies, rows)
+        Of each chain of the robot: the cost and all constraints have no two of them in common.
     """
 
     scale: Array
@@ -91,6 +93,7 @@ class Program:
     stiff: Array
     rows: Array
     slack: Array
+    chains: list[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 @frozen
@@ -103,14 +106,14 @@ class Optimum:
     pressure : (nb + m,)
         Sizes of the multipliers of bodies, zero where a prior keeps them off the edge, and of rows.
     accurate : bool
-    curve : (q, q)
-        Second derivatives of the cost under a prior [σ²].
+    curves : tuple of (d, d)
+        Second derivatives of the cost under a prior in the directions of each chain [σ²].
     """
 
     z: Array
     pressure: Array
     accurate: bool = True
-    curve: Array | None = None
+    curves: tuple[Array, ...] = ()
 
 
 @frozen
@@ -237,13 +240,15 @@ class Projection:
         program = self._state(data)
         # Only predictions of these are compared, in some nats.
         for at in follow(program, self.region, self.nominal, weights, np.sqrt(RIDGE)):
-            assert at.curve is not None
-            size = 1 / np.sqrt(np.diag(at.curve))
-            try:
-                factor = np.linalg.cholesky(size[:, None] * at.curve * size)
-            except np.linalg.LinAlgError:  # nothing but rounding is known of some of them
-                return
-            root = np.sqrt(2.0) * solve_triangular(factor, (program.along * size).T, lower=True).T
+            root = np.zeros_like(program.along)
+            for (own, *_), curve in zip(program.chains, at.curves, strict=True):
+                size = 1 / np.sqrt(np.diag(curve))
+                try:
+                    factor = np.linalg.cholesky(size[:, None] * curve * size)
+                except np.linalg.LinAlgError:  # nothing but rounding is known of some of them
+                    return
+                along = program.along[:, own] * size
+                root[:, own] = np.sqrt(2.0) * solve_triangular(factor, along.T, lower=True).T
             yield self._phi(program, at), program.scale[:, None] * root
 
     def _phi(self, program: Program, found: Optimum) -> Array:
@@ -270,13 +275,24 @@ class Projection:
         stacked = np.vstack([data.R * scale / data.unit, np.diag(pull)])
         wanted = np.concatenate([data.z / data.unit, pull * self.reference / scale])
         origin, along = self.held.span(scale)
-        Q, factor = np.linalg.qr(stacked @ along)
-        U, stiff, Vt = np.linalg.svd(factor)
-        along = along @ Vt.T
-        free = origin + along @ (U.T @ (Q.T @ (wanted - stacked @ origin)) / stiff)
+        seen = stacked @ along
         rows = self.region.scaled_rows
+        signs = np.abs(rows @ along)
+        bodies = np.abs(along[self.region.bodies]).max(1, initial=0.0)
+        acts = [x > TINY * x.max(0, initial=0.0) for x in (np.abs(seen), signs, bodies)]
+        stiff = np.zeros(along.shape[1])
+        free = origin.copy()
+        aim = wanted - stacked @ origin
+        chains = []
+        for own in find_chains(np.vstack(acts)):
+            squares, signed, within = (np.flatnonzero(x[:, own].any(1)) for x in acts)
+            Q, factor = np.linalg.qr(seen[np.ix_(squares, own)])
+            U, stiff[own], Vt = np.linalg.svd(factor)
+            along[:, own] = along[:, own] @ Vt.T
+            free += along[:, own] @ (U.T @ (Q.T @ aim[squares]) / stiff[own])
+            chains.append((own, within, signed))
         least = self.region.least + self.margin * self.region.bounded
-        return Program(scale, free, along, stiff, rows @ along, rows @ free - least)
+        return Program(scale, free, along, stiff, rows @ along, rows @ free - least, chains)
 
     def _read(self, data: LeastSquares, program: Program, found: Optimum) -> FeasibleEstimate:
         region = self.region
@@ -390,15 +406,46 @@ def follow(
     near : float
         Tolerance of the cost [σ²]; the solver's tolerance if that is smaller.
     """
-    cone = maps @ program.along
-    start = maps @ program.free
-    sign = program.rows
-    z = _start_at_nominal(program, region, maps)
-    bend = 2 * program.stiff**2
+    start = _start_at_nominal(program, region, maps)
+    paths = [_follow_chain(program, maps, start, own, weights, near) for own in program.chains]
+    for optima in zip(*paths, strict=False):
+        z = np.empty_like(program.stiff)
+        pressure = np.zeros(len(maps) + len(program.slack))
+        for (own, _, rows), (values, multipliers, _) in zip(program.chains, optima, strict=True):
+            z[own] = values
+            pressure[len(maps) + rows] = multipliers
+        yield Optimum(z, pressure, curves=tuple(curve for *_, curve in optima))
+
+
+def _follow_chain(
+    program: Program,
+    maps: Array,
+    start: Array,
+    chain: tuple[np.ndarray, np.ndarray, np.ndarray],
+    weights: Sequence[float],
+    near: float,
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield values, multipliers of the rows, and second derivatives in the directions of a chain.
+
+    Parameters
+    ----------
+    program, maps, weights, near
+        As in `follow`.
+    start : (q,)
+        At which the bodies are nominal.
+    chain
+        One of the program's.
+    """
+    own, bodies, rows = chain
+    cone = maps[bodies] @ program.along[:, own]
+    nominal = maps[bodies] @ program.free
+    sign = program.rows[np.ix_(rows, own)]
+    room = program.slack[rows]
+    z = start[own]
+    bend = 2 * program.stiff[own] ** 2
     bent = float(bend @ z**2)
-    count = max(len(maps), 1)
-    weight = max(weights[0], bent / (8 * count))
-    slack = np.abs(sign @ z + program.slack) + 0.01
+    weight = max(weights[0], bent / (8 * max(len(bodies), 1)))
+    slack = np.abs(sign @ z + room) + 0.01
     y = weight / slack
     at = 0
     left = STEPS
@@ -407,13 +454,13 @@ def follow(
         left -= 1
         light = weights[at]
         reached = max(near, RIDGE * max(1.0, light))  # Newton decrement and complementarity
-        lack = sign @ z + program.slack - slack
+        lack = sign @ z + room - slack
         product = slack * y
         each = float(product.sum() / max(y.size, 1))
         each *= LESS if reach > LESS else 1 / LESS  # rows that bound no longer hinder small ones
         aim = max(each, reached / max(100, 2 * y.size))  # all of them together are enough
         try:
-            rates, pull = _divergence(cone, (cone @ z + start).reshape(-1, 4, 4), weight)
+            rates, pull = _divergence(cone, (cone @ z + nominal).reshape(-1, 4, 4), weight)
         except np.linalg.LinAlgError:  # by rounding a body is at the edge
             return
         force = sign.T @ ((aim - y * lack) / slack) + pull
@@ -435,7 +482,7 @@ def follow(
         slack = slack + reach * change
         y = y + reach * rise
         if weight == light and reach == 1.0 and max(force @ step, product.sum()) < reached:
-            yield Optimum(z, np.append(np.zeros(len(maps)), y), curve=curve)
+            yield z, y, curve
             at += 1
             left = STEPS
         weight = max(weights[min(at, len(weights) - 1)], LESS * weight)

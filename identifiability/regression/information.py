@@ -14,7 +14,13 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
 from identifiability.foundation.engines import Engine, Steps
-from identifiability.foundation.linalg import NEARLY, TINY, few_at_once, triangular_factor
+from identifiability.foundation.linalg import (
+    NEARLY,
+    TINY,
+    few_at_once,
+    find_chains,
+    triangular_factor,
+)
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen, remember
@@ -371,29 +377,21 @@ class Information:
         """
         out = np.zeros(np.broadcast_shapes(some.shape, others.shape))
         for products, place in self._totals:
+            acts = place < len(products) - 1
+            if others.ndim == 1 < some.ndim:
+                rows = np.flatnonzero(acts[some])
+                by = np.flatnonzero(acts[others])
+                out[np.ix_(rows, by)] += products[place[some[rows]], place[others[by]]]
+                continue
             inner = tuple(range(1, some.ndim))
-            rows = np.flatnonzero((place[some] < len(products) - 1).any(inner))
+            rows = np.flatnonzero(acts[some].any(inner))
             by = others[rows] if others.ndim == some.ndim else others
             out[rows] += products[place[some[rows]], place[by]]
         return out
 
-    def among(self, sets: np.ndarray) -> Array:
-        """Return products among the columns of each of some sets (s, k), (s, k, k).
-
-        A search asks for the same sets again and again, and each is computed once.
-        """
-        known = self._among
-        new = [at for at in sets if at.tobytes() not in known]
-        if new:
-            columns = np.array(new)
-            products = self.between(columns[:, :, None], columns[:, None, :])
-            known.update(zip((at.tobytes() for at in new), products, strict=True))
-        return np.array([known[at.tobytes()] for at in sets])
-
-    @cached_property
-    def _among(self) -> dict[bytes, Array]:
-        """Products of sets of columns by the bytes of their numbers."""
-        return {}
+    def acts(self, columns: np.ndarray) -> np.ndarray:
+        """Return in which actuators columns (m,) act, (n, m) bool."""
+        return np.array([place[columns] < len(P) - 1 for P, place in self._totals])
 
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
@@ -450,9 +448,27 @@ class Information:
         unit = np.eye(self.size + 1)
         every = zip(np.sqrt(weights), self.of_actuators(unit), strict=True)
         rows = [w * part.root @ turned for w, (part, turned) in every]
-        known = np.zeros((0, self.size + 1)) if self.prior is None else self.prior
-        none = np.zeros((self.size + 1, self.size + 1))
-        return triangular_factor(np.vstack([*rows, known, none]))
+        known = [] if self.prior is None else [self.prior]
+        every_row = np.vstack([*rows, *known])
+        R = np.zeros((self.size + 1, self.size + 1))
+        alone = every_row[~every_row[:, :-1].any(1), -1]
+        corners = [alone]
+        for chain in self.chains:
+            at = np.append(chain, self.size)
+            of_chain = every_row[every_row[:, chain].any(1)][:, at]
+            factor = triangular_factor(np.vstack([of_chain, np.zeros((len(at), len(at)))]))
+            R[np.ix_(chain, at)] = factor[:-1]
+            corners.append(factor[-1, -1:])
+        R[-1, -1] = np.linalg.norm(np.concatenate(corners))
+        return R
+
+    @cached_property
+    def chains(self) -> list[np.ndarray]:
+        """Columns of each chain of the robot: no row, nor the prior, has columns of two chains."""
+        every = np.arange(self.size)
+        acts = [np.isin(every, columns) for *_, columns in self._seen]
+        known = [] if self.prior is None else list(self.prior[:, :-1] != 0)
+        return find_chains(np.array([*acts, *known]))
 
     @cached_property
     def _seen(self) -> list[tuple[ActuatorBlocks, Array, np.ndarray]]:

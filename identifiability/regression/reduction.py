@@ -12,6 +12,7 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
@@ -308,6 +309,11 @@ class Submodel:
     def __len__(self) -> int:
         """Return the number of parameters."""
         return len(self.columns)
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Pseudoinverse of M, (m, b)."""
+        return np.linalg.pinv(self.M)
 
     def reduce(self, information: Information) -> Information:
         """Return the information about the model's parameters."""

@@ -393,7 +393,14 @@ class LogPart:
         r = self.regression
         W = r.model.regressor(r.robot, piece.motion, widths)
         W = W if r.dwelling else piece.silenced(W)
-        return piece.down(W if r.columns is None else np.take(W, r.columns, axis=2))
+        rows, n, width = W.shape
+        columns = np.arange(width) if r.columns is None else r.columns
+        joints, places = np.nonzero(np.asarray(W.any(0))[:, columns])
+        acting = np.take(W.reshape(rows, n * width), width * joints + columns[places], axis=1)
+        low_passed = piece.down(acting)
+        out = np.zeros((len(low_passed), n, len(columns)))
+        out[:, joints, places] = low_passed
+        return out
 
 
 # `Regression`: named columns of a `Model` along measured motion, chunk by chunk.

@@ -620,7 +620,7 @@ class Description(Stated):
                 'on a stand (--set base=fixed, or base = "fixed" in its sidecar).'
             )
 
-    @property
+    @cached_property
     def slides(self) -> np.ndarray:
         """Return whether each actuated joint slides, (n,) bool."""
         return np.array([self.is_prismatic(int(k)) for k in self.actuated], bool)
@@ -635,7 +635,7 @@ class Description(Stated):
         """N or N·m for each actuated joint."""
         return tuple("N" if slides else "N·m" for slides in self.slides)
 
-    @property
+    @cached_property
     def passive(self) -> Strings:
         """Names of the passive degrees of freedom."""
         return tuple(self.dofs[k] for k in self.dependent)

@@ -1,5 +1,7 @@
 """Compression loses nothing: the information gives what all rows give, however it was gathered."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -70,6 +72,22 @@ def seen_rows(samples=600, seed=3):
     W[:, 2, :4] = 0.0
     tau = W @ [1.0, -2.0, 0.5, 3.0, 0.1] + rng.normal(size=(samples, 3)) * [0.1, 1.0, 0.3]
     return W, tau
+
+
+def test_refits_of_joints_that_share_no_column_hold_the_equations_of_one_at_a_time():
+    joints, blocks = 30, 20
+    W = np.zeros((400, joints, 5 * joints))
+    for j in range(joints):
+        W[:, j, j::joints] = np.random.default_rng(j).normal(size=(400, 5))
+    tau = np.random.default_rng(0).normal(size=(400, joints))
+    names = [f"c{k}" for k in range(5 * joints)]
+    fit = estimate(information := Information.of_rows(names, W, tau, np.zeros(400, int), 20))
+    assert_allclose(fit.value[::joints], np.linalg.lstsq(W[:, 0, ::joints], tau[:, 0])[0])
+    tracemalloc.start()
+    values = fit.estimator.refit(information, fit, np.ones((1, blocks)))
+    assert tracemalloc.get_traced_memory()[1] < 8 * blocks * (5 * joints) ** 2
+    tracemalloc.stop()
+    assert_allclose(values[0], fit.value, rtol=1e-9)
 
 
 @pytest.mark.parametrize("instrumented", [False, True])

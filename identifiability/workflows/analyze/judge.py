@@ -151,7 +151,7 @@ def tell_with_file(found: Answered, share: float) -> Answered:
     models = list[Any]()
     hint = ""
     for model in found.models:
-        to_x = np.linalg.pinv(model.submodel.M)
+        to_x = model.submodel.inverse
         try:
             both = combine_with_file(structure, data.R, data.z, to_x @ structure.G, share)
         except ValueError:  # bodies that no prior can be around are said elsewhere

@@ -941,7 +941,7 @@ def _odds_of_stay(
     """
     count = len(grid.stays)
     S, part, left = _beside_model(model, products, at, grid.weights)
-    rise, _ = model.rise(S, part, left)
+    rise = model.rise(S, part, left)[:, 0]
     odds = logsumexp(rise, axis=1) - np.log(rise.shape[1]) - price
     halves = np.split(odds, [count])
     total, drifts = (float(logsumexp(o) - np.log(len(o))) for o in halves)
