@@ -191,7 +191,7 @@ def test_bodies_and_results_that_do_not_fit_are_refused(fit, make_logs):
         payload(ARM, fit(ARM), log, body="link_7")
     with pytest.raises(IdentifiabilityError, match="stands on both sides"):
         payload(ARM, fit(ARM), log, log)
-    with pytest.raises(IdentifiabilityError, match="only where its mass is known"):
+    with pytest.raises(IdentifiabilityError, match="only if the mass of the load is known"):
         payload(ARM, log, log)
     with pytest.raises(IdentifiabilityError, match=r"not belong to robot.xml.*six-dof-arm"):
         payload("two-link", fit(ARM), make_logs("two-link")[1])
