@@ -49,6 +49,9 @@ class Rules(RuleTable):
     ] = 0.45
     name: Annotated[float, "log odds that name a missing effect, on fitted rows, derived"] = 1.0
     keep: Annotated[float, "and how much more with unseen rows keeps it [nat], derived"] = 2.0
+    harmful: Annotated[
+        float, "standard errors by which unseen motion errs less without one of many names, by hand"
+    ] = 2.0
     simpler: Annotated[float, "nats within which fewer columns go first, derived"] = 3.0
     rival: Annotated[float, "nats within which it is A or B, derived"] = 4.0
     law_error: Annotated[Share, "largest error of a law by gain in its joint, calibrated"] = 0.15

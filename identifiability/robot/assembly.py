@@ -586,8 +586,9 @@ def _torque_by_joint(robot: Description, motors: Strings) -> MeasuredTorque:
     RobotError
         If a name is no actuated joint or motor, or if keys cannot be combined.
     """
-    said = dict(robot.torque)
-    for key, value in said.items():
+    # A key that nobody stated stays unstated: a copy of it would count as stated.
+    said = {}
+    for key, value in robot.torque:
         name = f"torque.{key}"
         if isinstance(value, dict):
             lines = (*robot.joints, *motors)

@@ -299,10 +299,10 @@ def state_quantities(
     half = _half_widths(found, body, scale)
     low = values - half
     high = values + half
-    # Quantities that follow from its inertia are stated with any interval.
     uncertain = np.where(POSITIVE, low <= 0, half > length)
-    first = np.arange(len(values)) < 7
-    unsure = uncertain & first
+    # Products of inertia, the last three, are stated with any interval.
+    products = np.arange(len(values)) >= len(values) - 3
+    unsure = uncertain & ~products
     low = np.where(POSITIVE, np.maximum(low, 0.0), low)
     out = []
     for k, (name, unit) in enumerate(QUANTITIES.items()):

@@ -24,6 +24,7 @@ from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import phrase
@@ -749,10 +750,6 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
     )
 
 
-#: Standard errors by which unseen motion must err less without a part: one of many is asked.
-HARMFUL = 2.0
-
-
 def find_harmful(naming: Naming) -> list[int]:
     """Return the part without which the error on unseen motion is surely least, if any is harmful.
 
@@ -762,7 +759,7 @@ def find_harmful(naming: Naming) -> list[int]:
     subsets = [every, *([n for n in every if n != k] for k in every)]
     gap = naming.predict_unseen([naming.fit(subset) for subset in subsets])
     errors = gap.relative_error()
-    harmful = [k for k in every if gap.surely_better(k + 1, 0, HARMFUL)]
+    harmful = [k for k in every if gap.surely_better(k + 1, 0, RULES.harmful)]
     return sorted(harmful, key=lambda k: errors[k + 1])[:1]
 
 
