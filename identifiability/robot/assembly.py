@@ -587,7 +587,7 @@ def _torque_by_joint(robot: Description, motors: Strings) -> MeasuredTorque:
         If a name is no actuated joint or motor, or if keys cannot be combined.
     """
     # A key that nobody stated stays unstated: a copy of it would count as stated.
-    said = {}
+    said: dict[str, Any] = {}
     for key, value in robot.torque:
         name = f"torque.{key}"
         if isinstance(value, dict):
