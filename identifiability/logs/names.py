@@ -92,7 +92,7 @@ class Unit:
             remedy = "check which column is which, and rename it or repair the unit"
             if self.dimension == "current":
                 renamed = f"{joint}.current [{self.text}]"
-                remedy = f"name a current '{renamed}', by --map or under [columns] in the sidecar"
+                remedy = f"name it '{renamed}' in the header, or under [columns] in the sidecar"
             raise LogError(
                 f"{source}: column '{column}' is {with_article(what)}, but its unit is stated as "
                 f"'{self.text}'; {remedy}."

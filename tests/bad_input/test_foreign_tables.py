@@ -105,9 +105,15 @@ def test_stated_units_are_converted_and_others_refused(bare, known, write, read_
             "deg, elbow.q from °"
         )
     for units, sentence in {
-        ("s", "rad", "N", "Nm", "Nm"): r"'elbow.q' is a position, .* its unit is 'N'",
-        ("rad", "rad", "rad", "Nm", "Nm"): r"'t' is a time, .* its unit is 'rad'",
-        ("s", "rad", "rad", "A", "Nm"): r"'shoulder.tau' is a torque or force, .* unit is 'A'",
+        ("s", "rad", "N", "Nm", "Nm"): r"'elbow.q' is a position, .* unit is stated as 'N'",
+        ("rad", "rad", "rad", "Nm", "Nm"): r"'t' is a time, .* unit is stated as 'rad'",
+        (
+            "s",
+            "rad",
+            "rad",
+            "A",
+            "Nm",
+        ): r"'shoulder.tau' is a torque or force, .* unit is stated as 'A'",
         ("s", "rad", "furlong", "Nm", "Nm"): r"column 't' is not a finite number .* row 1 \('s'\)",
     }.items():
         with pytest.raises(IdentifiabilityError, match=sentence):

@@ -94,7 +94,7 @@ ROBOTS = {
     "copies by a sign": (arm('<replicate count="+99999999"><body/></replicate>'), "is too large"),
     "gravity": (
         arm(head='<option gravity="0 0 1e16"/>'),
-        "gravity, the place of a joint or site, .* is no number",
+        "gravity, the place of a joint or site, .* is infinite",
     ),
     "advice": (ring(60), r"joints have no actuator .*'follower\d+'\]\) and \d+ more"),
 }
