@@ -285,7 +285,8 @@ class Projection:
         aim = wanted - stacked @ origin
         chains = []
         for own in find_chains(np.vstack(acts)):
-            squares, signed, within = (np.flatnonzero(x[:, own].any(1)) for x in acts)
+            signed, within = (np.flatnonzero(x[:, own].any(1)) for x in acts[1:])
+            squares = np.flatnonzero(seen[:, own].any(1))  # weak rows too: each direction has one
             Q, factor = np.linalg.qr(seen[np.ix_(squares, own)])
             U, stiff[own], Vt = np.linalg.svd(factor)
             along[:, own] = along[:, own] @ Vt.T

@@ -974,14 +974,20 @@ class PositionPrediction(Result):
 
         Joints that do not follow their commands are not among them.
         """
-        slides = self.robot.slides
-        follows = ~np.all([log.is_unmeasured for log in self.logs], axis=0)
-        return follows & (slides if slides.all() else ~slides)
+        turns, slides = self.kinds.values()
+        return slides if self.robot.slides.all() else turns
 
     @property
     def unit(self) -> str:
         """Unit of `totals` times 1000: mrad, or mm if every joint slides."""
         return "mm" if self.robot.slides.all() else "mrad"
+
+    @cached_property
+    def kinds(self) -> dict[str, np.ndarray]:
+        """Joints that follow their commands by the unit of errors times 1000, (n,) bool each."""
+        slides = self.robot.slides
+        follows = ~np.all([log.is_unmeasured for log in self.logs], axis=0)
+        return {"mrad": follows & ~slides, "mm": follows & slides}
 
     @property
     def totals(self) -> Array:
@@ -991,17 +997,18 @@ class PositionPrediction(Result):
         return np.asarray(np.sqrt(squares))
 
     @property
-    def from_commands(self) -> float:
-        """Distance of measured positions from commanded ones over these joints (rms) [rad or m]."""
+    def from_commands(self) -> Array:
+        """Distance of measured positions from commanded ones (rms), (n,) [rad or m]."""
         apart = [log.q_ref - log.q for log in self.logs if log.q_ref is not None]
         if not apart:
-            return float("nan")
-        return float(np.sqrt(np.mean(np.concatenate(apart)[:, self.alike] ** 2)))
+            return np.full(len(self.robot.joints), np.nan)
+        return np.asarray(np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0)))
 
     @property
     def follows(self) -> bool:
         """Whether the fitted robot is nearer to the measured positions than the commands are."""
-        return bool(self.totals[1] < self.from_commands)
+        lag = np.sqrt(np.mean(self.from_commands[self.alike] ** 2))
+        return bool(self.totals[1] < lag)
 
     def write(self, path: str | Path) -> Path:
         """Write positions sample by sample, measured and simulated, as CSV or Parquet.

@@ -92,7 +92,7 @@ def test_a_wrong_sample_of_a_long_file_is_named_and_weighs_nothing(frame, tmp_pa
     parts = analyze("two-link", Log.read(path), "none", replicates=20)
     wrong, burst = parts.hints
     assert wrong == whole.hints[0]
-    assert "log.parquet: 2 values lie too far" in wrong
+    assert "log.parquet: 2 outlying values were replaced" in wrong
     assert "data row 701 (" in wrong
     assert "data row 1500 (" in wrong
     start, stop = (float(burst.split(word)[1].split()[0]) for word in ("t = ", " to "))

@@ -147,8 +147,11 @@ class AnsweringPresenter(Presenter, ABC):
     def answers(self) -> tuple[Answer, ...]:
         """Return the answers, none of them green above a worse one, and what to do next."""
         commands = tuple(self.commands())
+        asked = reserve(self.asked(), self.result.warnings)
+        if not commands:
+            return tuple(asked)
         following = answer("next", "one" if len(commands) == 1 else "some")
-        return (*reserve(self.asked(), self.result.warnings), replace(following, commands=commands))
+        return (*asked, replace(following, commands=commands))
 
 
 class PredictingPresenter(AnsweringPresenter):

@@ -13,6 +13,7 @@ from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
+from identifiability.foundation.rounding import join
 from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
 from identifiability.workflows.provenance import given_paths
@@ -175,8 +176,10 @@ class PositionPredictionPresenter(AnsweringPresenter):
         return (_answer_positions(self.result),)
 
     def commands(self) -> list[Command]:
-        """Return the line that diagnoses the logs."""
+        """Return the line that diagnoses the logs; held-out logs are never fitted."""
         result = self.result
+        if result.unseen:
+            return []
         logs = name_logs(result.robot, given_paths(result.logs))
         line = f"diagnose {self.robot} {logs} --out model.toml --report missing.html"
         return [command("missing_file", line)]
@@ -205,8 +208,8 @@ class PositionPredictionPresenter(AnsweringPresenter):
         result = self.result
         if not result.follows:
             return usual
-        sizes = (result.totals[1], result.from_commands)
-        error, lag = (f"{1e3 * x:.3g} {result.unit}" for x in sizes)
+        error = _state_size(result, result.runs[1].errors)
+        lag = _state_size(result, result.from_commands)
         short = sentence("rollout.errors", "moves", error=error, lag=lag)
         return replace(usual, short=f"{short} {usual.short[0].lower()}{usual.short[1:]}")
 
@@ -225,9 +228,19 @@ def _state_runs(result: PositionPrediction) -> str:
     each = []
     for run, total in zip(result.runs, result.totals, strict=True):
         part = "error" if np.isfinite(total) else "diverges"
-        error = sentence(about, part, error=1e3 * total, unit=result.unit)
+        error = sentence(about, part, size=_state_size(result, run.errors))
         each.append(f"{run.name} {error}")
     return ", ".join(each[::-1])
+
+
+def _state_size(result: PositionPrediction, errors: Array) -> str:
+    """Return errors (n,) [rad or m] in one number (rms) for joints that turn or slide."""
+    each = []
+    for unit, joints in result.kinds.items():
+        if joints.any():
+            size = 1e3 * np.sqrt(np.mean(errors[joints] ** 2))
+            each.append(f"{size:.3g} {unit}")
+    return join(each)
 
 
 def _answer_positions(result: PositionPrediction) -> Answer:
