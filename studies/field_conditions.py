@@ -65,7 +65,7 @@ from paper_study.result import StudyCheck
 from scipy.signal import butter, sosfilt
 from scipy.spatial.transform import Rotation
 from servo_robots import Recorder
-from shared import ROOT, study_parser, write_answer
+from shared import ROOT, study_parser, wilson, write_answer
 
 from identifiability import Analysis, Preparation, analyze
 from identifiability.foundation.errors import ClosureError, IdentifiabilityError
@@ -835,7 +835,10 @@ def examine_number(
 
 
 def find_checks(counts: pd.DataFrame) -> list[StudyCheck]:
-    """Return the required checks: errors over the best ones; of commands labels, remarks, time."""
+    """Return the required checks: errors over the best ones; of commands labels, remarks, time.
+
+    Few draws say little of a share: its 95 % interval must hold the limit.
+    """
     checks = list[StudyCheck]()
     judged = counts[counts.condition.isin([*REQUIRED, *COMMANDED])]
     for row in judged.to_dict("records"):
@@ -843,13 +846,18 @@ def find_checks(counts: pd.DataFrame) -> list[StudyCheck]:
         limits = dict(zip((MEDIAN, "at worst"), REQUIRED.get(name, OF_ERRORS), strict=True))
         limits |= OF_COMMANDS if name in COMMANDED else {}
         for column, most in limits.items():
-            ours = row[column] / (row["draws"] if column == "false" else 1)
+            ours = row[column]
+            if column == "false":
+                ours, _ = wilson(ours, row["draws"])
             asked = f"{name}: {column}"
             checks.append(StudyCheck(asked, f"{ours:.2f}", f"{most:g}", "0", ours <= most))
         for column, least in LEAST.items() if name in COMMANDED else ():
             ours = row[column]
             if ours == "–":  # nothing is identifiable, or it is no hand
                 continue
+            if column == "coverage":
+                held, judged = map(float, row["labels"].split(" of "))
+                _, ours = wilson(held, judged)
             asked = f"{name}: {column}"
             checks.append(StudyCheck(asked, f"{ours:.2f}", f"{least:g}", "0", ours >= least))
     return checks

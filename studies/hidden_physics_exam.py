@@ -37,7 +37,7 @@ import pandas as pd
 from hidden_effect import read_rows
 from hidden_physics_cases import FITTED, KINDS, load_logs, load_robot, make_case
 from scipy.special import chdtri
-from shared import study_parser
+from shared import study_parser, wilson
 
 from identifiability import analyze, diagnose
 from identifiability.estimation.mixed_model import EVERYWHERE, MixedModel, Term
@@ -392,14 +392,6 @@ RULES: tuple[Rule, ...] = (
       for kind in ("inside", "two", "several", "strong", "outside")),
     *_rules("z_measured"),
 )  # fmt: skip
-
-
-def wilson(hits: float, of: float) -> tuple[float, float]:
-    """Return Wilson's 95 % interval of a share [Wilson 1927]."""
-    z2, share = 1.96**2, hits / of
-    middle = (share + z2 / (2 * of)) / (1 + z2 / of)
-    half = 1.96 / (1 + z2 / of) * np.sqrt(share * (1 - share) / of + z2 / (4 * of * of))
-    return float(middle - half), float(middle + half)
 
 
 def poisson(hits: int, of: int) -> tuple[float, float]:

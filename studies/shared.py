@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from identifiability.foundation.output import plain, write_json
@@ -26,6 +27,14 @@ def data_folder(name: str, given: str | Path | None = None) -> Path:
     The data have their own licences and are no part of this project.
     """
     return Path(given or os.environ.get(VARIABLE) or ROOT.parent / "shared" / "data") / name
+
+
+def wilson(hits: float, of: float) -> tuple[float, float]:
+    """Return Wilson's 95 % interval of a share [Wilson 1927]."""
+    z2, share = 1.96**2, hits / of
+    middle = (share + z2 / (2 * of)) / (1 + z2 / of)
+    half = 1.96 / (1 + z2 / of) * np.sqrt(share * (1 - share) / of + z2 / (4 * of * of))
+    return float(middle - half), float(middle + half)
 
 
 def study_parser(name: str, text: str | None, quick: str) -> argparse.ArgumentParser:
