@@ -74,7 +74,7 @@ def test_the_report_is_whole_and_states_the_answer(which, request, tmp_path):
     text = result.write_report(tmp_path / "report.html").read_text()
     assert text.rstrip().endswith("</html>")
     assert "The motion" in text
-    assert f"{result.before.identifiable} of {len(result.names)}" in text
+    assert f"{result.after.identifiable} of {len(result.names)} parameters are" in text
     assert text.count("data-trace=") == 3 * len(result.limits.joints)
 
 
