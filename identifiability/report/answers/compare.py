@@ -13,7 +13,7 @@ from identifiability.foundation.answers import Answer, Cell, Column, Table, fram
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.presenter import Presenter
-from identifiability.foundation.quoting import option_for_shell
+from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, format_number, measured, state_probability
 
@@ -80,8 +80,9 @@ class ComparisonPresenter(AnsweringPresenter):
         if loads:
             fitted = f"analyze {self.robot} {before}{ladder} --json analyze.json"
             logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
-            call = f"{fitted} && identifiability payload {self.robot} analyze.json {logs} {body}"
-            return [command("fit_and_weigh", call)]
+            without = "".join(f" --without {path_for_shell(path)}" for path in result.before)
+            weigh = f"payload {self.robot} analyze.json {logs} {body}{without} --report load.html"
+            return [command("fit_and_weigh", f"{fitted} && identifiability {weigh}")]
         fit = f"analyze {self.robot} {after}{ladder} --json analyze.json"
         return [command("fit_now", f"{fit} --report report.html")]
 

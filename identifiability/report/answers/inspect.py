@@ -125,7 +125,11 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
     if joints.room.notna().any():
         about = "inspection.least"
         least = joints.loc[joints.room.idxmin()]
-        yield answer(about, "least", sentence(about, "why"), joint=least.joint, room=least.room)
+        still = [j for hint in of_key(result.hints, "still") for j in hint.numbers["joints"]]
+        moving = "yes" if joints.room.notna().all() else "limited"
+        part = "no" if still else moving
+        why = sentence(about, "why")
+        yield answer(about, part, why, still=still, joint=least.joint, room=least.room)
 
 
 def _answer_columns(result: Inspection) -> Answer:
