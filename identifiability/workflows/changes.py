@@ -435,7 +435,7 @@ def _measure_change(
         ):
             friction = _rms_friction(found, terms, value, own, levels[own], felt.joint)
             share = np.nan, np.nan
-            if friction > 0.0:  # the joint had some friction before
+            if friction:  # the joint had some friction before
                 share = felt.rms / friction, felt.sd / friction
         _, called, units = zip(*(found.columns[n] for n in own.tolist()), strict=True)
         title = first.title if len(families) == 1 else first.kind
