@@ -91,7 +91,7 @@ def test_a_fault_is_printed_and_lowers_the_answers(fault, verb, study):
     if verb == "predict":
         call(f"analyze {GIVEN} --quick --json result.json")
         typed = "predict robot.urdf result.json run3.csv --report page.html --json page.json"
-        says = r"joint_6 errs by" if fault == "another unit" else says
+        says = r"torque error at joint_6 is" if fault == "another unit" else says
     else:
         typed = f"{verb} {GIVEN} --quick --report page.html --json page.json"
     printed = " ".join(call(typed).split())

@@ -260,13 +260,15 @@ def advise(
 def choose_trial(trials: Sequence[CutoffTrial]) -> CutoffTrial:
     """Return the widest cut-off whose error is not clearly above the least.
 
+    Rows that give no error choose nothing: the widest stays.
+
     Parameters
     ----------
     trials : sequence of CutoffTrial
         The widest first.
     """
     best = min(trials, key=lambda trial: trial.clean)
-    return next(trial for trial in trials if trial.clean <= best.most)
+    return next((trial for trial in trials if trial.clean <= best.most), trials[0])
 
 
 def make_windows(robot: Robot, logs: Sequence[Log], how: Preparation) -> list[Window]:

@@ -107,6 +107,8 @@ def find_encoding(start: bytes) -> str:
         if start[0] == 0xFF:
             return "utf-16-le"
         return "utf-16-be"
+    if start[1:2] == b"\0":  # a letter of two bytes, without a mark before it
+        return "utf-16-le"
     try:
         codecs.getincrementaldecoder("utf-8")().decode(start)  # the last letter may be cut
     except UnicodeDecodeError:

@@ -434,7 +434,9 @@ def _measure_change(
             and len(set(owners[some].tolist())) == 1
         ):
             friction = _rms_friction(found, terms, value, own, levels[own], felt.joint)
-            share = felt.rms / friction, felt.sd / friction
+            share = np.nan, np.nan
+            if friction:  # the joint had some friction before
+                share = felt.rms / friction, felt.sd / friction
         _, called, units = zip(*(found.columns[n] for n in own.tolist()), strict=True)
         title = first.title if len(families) == 1 else first.kind
         duration = longest if first.pattern == WARM else np.nan

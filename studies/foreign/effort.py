@@ -121,7 +121,7 @@ PARTIAL = [
          ("no torque",)),
     Case("a finger for the wrist", "partial",
          changed(lambda f: f.rename(columns=lambda c: c.replace("joint_6", "finger"))),
-         ("--lock joint_6",)),
+         ("lock=['joint_6']",)),
 ]  # fmt: skip
 
 LOCKS = [

@@ -14,6 +14,7 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, rough_percent
 from identifiability.workflows.calibrate.rules import RULES
 from identifiability.workflows.provenance import given_paths
+from identifiability.workflows.roles import assign_roles
 
 from .commands import held_back, ladder_option, name_logs, source_name
 from .common import AnsweringPresenter, Command, answer, command, sentence
@@ -48,7 +49,7 @@ class CalibrationPresenter(AnsweringPresenter):
             "not enough trials": ("trials", f"calibrate {name} {logs} {more}"),
         }
         found = [usual[word]]
-        if analysis.missing.functions:
+        if analysis.missing.functions and assign_roles(analysis.recordings).held_out:
             held = held_back(analysis.validation, analysis.samples)
             line = f"diagnose {name} {logs}{held} --out model.toml --report missing.html"
             found.insert(0, ("missing", line))
