@@ -289,10 +289,10 @@ def notebook_result(result: Result) -> str:
 
 def notebook_piece(
     statement: str,
-    frame: pd.DataFrame | None,
-    more: str,
-    answers: Answers | None,
-    tables: Sequence[Table],
+    frame: pd.DataFrame | None = None,
+    more: str = "",
+    answers: Answers | None = None,
+    tables: Sequence[Table] = (),
 ) -> str:
     """Return sentences and a table as HTML that loads no other file and leaves other cells alone.
 

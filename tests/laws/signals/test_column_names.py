@@ -183,6 +183,6 @@ def test_a_command_is_read_as_a_measurement_is(name, kind, factor):
 @pytest.mark.parametrize("kind", DIMENSIONS)
 def test_a_refused_unit_has_one_article_that_fits(kind):
     with pytest.raises(IdentifiabilityError) as refused:
-        find_unit("N" if kind == "t" else "s").check(kind, "x", "run.csv")
+        find_unit("N" if kind == "t" else "s").check(kind, "x", "run.csv", "elbow")
     said = str(refused.value)
     assert re.search(r" is (an [aeiou]|a [^aeiou])\w+", said), said
