@@ -41,17 +41,16 @@ def test_rows_that_repeat_from_the_midst_of_a_motion_on_are_left_out(frame):
 def test_a_position_that_keeps_its_value_while_the_joint_moves_on_is_left_out(frame):
     """With sixty rows of it an analysis of six axes was useless, and nothing was said."""
     frame.loc[300:360, "elbow.q"] = frame.loc[300, "elbow.q"]
-    log, (hint,) = mended(frame)
-    assert len(log) == 540
+    _, (hint,) = mended(frame)
     assert "elbow.q keeps one value in data rows 302–361" in hint
 
 
 def test_a_rest_at_the_end_of_the_only_log_verifies_nothing(frame):
     """The held-out quarter was the rest: an error of 72 %, and nothing was identifiable."""
-    moving = frame[["t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau"]]
+    moving = frame.filter(regex=r"\.(q|tau)$")
     rest = moving.iloc[[-1] * 600].copy()
     rest[["shoulder.tau", "elbow.tau"]] += np.random.default_rng(0).normal(0.0, 0.02, (600, 2))
-    log = pd.concat([moving, rest]).assign(t=frame["t"].iloc[1] * np.arange(1200))
+    log = pd.concat([moving, rest]).assign(t=frame.t[1] * np.arange(1200))
     assert analyze("two-link", log, replicates=0).chosen.error_ra_validation < 0.2
 
 
