@@ -48,7 +48,7 @@ def test_a_position_that_keeps_its_value_while_the_joint_moves_on_is_left_out(fr
 def test_a_rest_at_the_end_of_the_only_log_verifies_nothing(frame):
     """The held-out quarter was the rest: an error of 72 %, and nothing was identifiable."""
     moving = frame.filter(regex=r"\.(q|tau)$")
-    rest = moving.iloc[[-1] * 600].copy()
+    rest = moving.iloc[[-1] * 600]
     rest[["shoulder.tau", "elbow.tau"]] += np.random.default_rng(0).normal(0.0, 0.02, (600, 2))
     log = pd.concat([moving, rest]).assign(t=frame.t[1] * np.arange(1200))
     assert analyze("two-link", log, replicates=0).chosen.error_ra_validation < 0.2
