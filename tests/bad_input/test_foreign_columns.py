@@ -90,7 +90,7 @@ def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write
     assert_allclose(log.tau, scaled, rtol=1e-12)
     with pytest.raises(IdentifiabilityError, match=r"is a current, but .* stated as 'Nm'"):
         Log.from_frame(given.rename(columns=lambda c: c.replace("mA", "Nm")), "log", known())
-    with pytest.raises(IdentifiabilityError, match=r"'elbow\.current \[mA\]', .* \[columns\]"):
+    with pytest.raises(IdentifiabilityError, match=r"'elbow\.current \[mA\]' .* \[columns\]"):
         Log.from_frame(given.rename(columns={"cur_2 [mA]": "elbow.tau [mA]"}), "log", known())
 
 
