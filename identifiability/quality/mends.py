@@ -129,8 +129,9 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
         for a, b in find_runs(x)
         if (a > 1 and abrupt[a - 1]) or (a == 0 and b < len(x) and abrupt[b - 1])
     ]
-    joints = [] if runs else [k for k in range(len(size)) if _find_held(step[:, k], size[k])]
-    runs += [run for k in joints for run in _find_held(step[:, k], size[k])]
+    held = {} if runs else {k: _find_held(step[:, k], size[k]) for k in range(len(size))}
+    joints = [k for k, own in held.items() if own]
+    runs += [run for own in held.values() for run in own]
     gone = np.zeros(len(log), bool)
     for a, b in runs:
         gone[a + 1 : b] = True

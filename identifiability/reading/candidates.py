@@ -191,7 +191,7 @@ class ReadingCandidates:
         return self._other(description, remedy, factor=factor)
 
     def _write_signs(self, factor: Array) -> str:
-        """Return what to write in the sidecar, so that it holds all signs of the torque."""
+        """Return the remedy for the sidecar, with all signs of the torque in one line."""
         negative = []
         for j in self.measured:
             stated = self.logs.robot.torque.at("sign", self.names[j]) or 1

@@ -250,11 +250,13 @@ class ReadingSearch:
             return float(self.rows.fit(reading).sum())
 
         reading = self.literal
+        error = misfit(reading)
         for _ in self.candidates.measured:
             best = min(self.candidates.sign_reversed(reading), key=misfit, default=reading)
-            if misfit(best) > misfit(reading) - EVEN:
+            lower = misfit(best)
+            if lower > error - EVEN:
                 break
-            reading = best
+            reading, error = best, lower
         if (reading.factor < 0).sum() > 1:
             yield reading
 

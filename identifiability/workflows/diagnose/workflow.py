@@ -756,6 +756,8 @@ def find_harmful(naming: Naming) -> list[int]:
     What other parts explain would hide it from `verify_effects`.
     """
     every = range(len(naming.parts))
+    if not every or not naming.problem.validation:
+        return []
     subsets = [every, *([n for n in every if n != k] for k in every)]
     gap = naming.predict_unseen([naming.fit(subset) for subset in subsets])
     errors = gap.relative_error()
@@ -778,6 +780,9 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     rng : numpy.random.Generator
         For intervals.
     """
+    harmful = find_harmful(naming)
+    if harmful:
+        return conclude(without_parts(naming, harmful), rng)
     problem = naming.problem
     parts = naming.parts
     counts = Counter(p.candidate.family.name for p in parts)  # families stand together
@@ -787,9 +792,6 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     later_fits = (naming.fit(range(n)) for n in ends[1:])
     fits = [plain_fit @ plain.base, *later_fits]
     residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
-    harmful = find_harmful(naming)
-    if harmful:
-        return conclude(without_parts(naming, harmful), rng)
     found = verify_effects(naming, fits, plain)
     if 0 < found.included < len(parts):
         return conclude(without_parts(naming, range(found.included, len(parts))), rng)
