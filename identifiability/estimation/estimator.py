@@ -310,13 +310,13 @@ def _inverse(root: Array) -> Array:
 LEFT: Tolerance = 0.25
 
 
-def measure_memory(information: Information, fit: Estimate) -> Noise:
+def measure_memory(information: Information, fit: Values | Estimate) -> Noise:
     """Return the noise of actuators, their autocorrelation times at least 1.
 
     Parameters
     ----------
     information : Information
-    fit : Estimate
+    fit : Values or Estimate
         By least squares, with weights that are about right.
     """
     k = len(fit.kept)
@@ -326,18 +326,20 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
     part = information.select(fit.kept)
     unit = unit_coordinates(part.factor(fit.weights)[:k, :k])
     turn = np.vstack([unit, np.zeros((1, k))])
-    taken = fit.weights * part.squares(turn).sum(1)  # of noise of variance 1
+    taken = np.zeros(information.actuators)  # of noise of variance 1
     kept = fit.value[list(fit.kept)]
     change = np.column_stack([turn, np.append(-kept, 1.0)])
     rounding = RANK_TOLERANCE**2 * part.torque
     slow = fit.rss / own_rows
     known = np.full(information.actuators, np.inf)
     for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
+        acting = turned[:, :k][:, turned[:, :k].any(0)]
+        taken[a] = fit.weights[a] * np.square(own.root @ acting).sum()
         if rss <= rounding[a]:
             continue  # rounding errors have no memory
-        sums = own.sums @ turned
-        scatter = _sum_lags(sums[:, k:], information.log)
-        left = own_rows[a] - fit.weights[a] * _sum_lags(sums[:, :k], information.log)
+        scatter = _sum_lags(own.sums @ turned[:, k:], information.log)
+        absorbed = fit.weights[a] * _sum_lags(own.sums @ acting, information.log)
+        left = own_rows[a] - absorbed
         ratio = scatter / np.maximum(left, LEFT * own_rows[a])
         # Blocks at a lag hold pairs of samples that are half a block farther apart on average.
         apart = (np.arange(B) + 0.5) * N / B
@@ -470,13 +472,16 @@ class Estimator:
 
     def _fit_plain(self, information: Information) -> Estimate:
         plain = replace(self, instruments=False)
-        equal = _solve(information, np.ones(information.actuators), plain)
+        equal = find_values(information, np.ones(information.actuators))
         noise = self.noise or measure_noise(information, equal)
         if not self.weighted:
-            return replace(equal, variance=noise.variance, times=noise.times)
+            unit_times = np.ones(information.actuators)
+            fit = _estimate(information, equal, plain, unit_times)
+            return replace(fit, variance=noise.variance, times=noise.times)
         left = np.maximum(noise.variance, equal.rss / information.rows_each)
         weights = weigh(information, left * noise.times)
-        return replace(_solve(information, weights, plain, noise.times), variance=left)
+        values = find_values(information, weights)
+        return replace(_estimate(information, values, plain, noise.times), variance=left)
 
     def refit(self, information: Information, fit: Estimate, counts: Array) -> Array:
         """Return the values when block b counts ``counts[r, b]`` times, (replicates, k).
@@ -575,17 +580,17 @@ class Estimator:
         return np.linalg.lstsq(R @ M, R, rcond=None)[0]
 
 
-def measure_noise(information: Information, plain: Estimate) -> Noise:
+def measure_noise(information: Information, equal: Values) -> Noise:
     """Return the noise in the residual of a fit with equal weights.
 
     Large or slow noise at one actuator leaks into the residuals of the others. So the noise is
     measured twice more, each time after a fit with weights by the noise that was measured before.
     """
-    noise = plain.noise
+    noise = Noise(equal.variance, np.ones(information.actuators))
     enough = len(information.counts) >= RULES.blocks_fewest
-    for _ in range(2 if enough and plain.variance.any() else 0):
+    for _ in range(2 if enough and equal.variance.any() else 0):
         weights = weigh(information, noise.variance * noise.times)
-        noise = measure_memory(information, _solve(information, weights, plain.estimator))
+        noise = measure_memory(information, find_values(information, weights))
     return noise
 
 
@@ -599,15 +604,41 @@ def weigh(information: Information, density: Array) -> Array:
     return np.ones(information.actuators)
 
 
-def _solve(
-    information: Information,
-    weights: Array,
-    estimator: Estimator,
-    times: Array | None = None,
-) -> Estimate:
+@frozen
+class Values:
+    """Values of a fit, without their covariance.
+
+    Attributes
+    ----------
+    weights : (n,)
+        Weight of each actuator.
+    kept : tuple of int
+        The m independent columns.
+    value : (k,)
+        Columns that depend on others are held at zero.
+    rss, variance : (n,)
+        Residual sum of squares of each actuator, and per row that is not spent on a column.
+    open : (k, d)
+        As in `Estimate`.
+    factor : (m, m)
+        Triangular factor of the kept columns.
+    length : (k,)
+        Norm of each column.
+    """
+
+    weights: Array
+    kept: tuple[int, ...]
+    value: Array
+    rss: Array
+    variance: Array
+    open: Array
+    factor: Array
+    length: Array
+
+
+def find_values(information: Information, weights: Array) -> Values:
+    """Return the values of weighted least squares."""
     k = information.size
-    n = information.actuators
-    times = np.ones(n) if times is None else times
     R = information.factor(weights)
     length = np.linalg.norm(R[:, :k], axis=0)
     acts = length > RANK_TOLERANCE * length.max(initial=0.0)
@@ -617,39 +648,49 @@ def _solve(
     never = np.eye(k)[:, dropped]
     m = len(kept)
     value = np.zeros(k)
-    covariance = np.zeros((k, k))
     if kept and len(dropped):
         never[kept] = -np.linalg.lstsq(unit[:, kept], unit[:, dropped], rcond=None)[0]
         R = triangular_factor(R[:, [*kept, k]])
     if kept:
         value[kept] = solve_triangular(R[:m, :m], R[:m, m])
     rss = information.squares(np.append(-value, 1.0))
+    # Each actuator pays for its share of the parameters in proportion to its rows.
+    freedom = information.rows_each * (1 - m / max(information.rows, 1))
+    variance = rss / np.maximum(freedom, 1.0)
+    return Values(weights, tuple(kept), value, rss, variance, never, R[:m, :m], length)
+
+
+def _estimate(
+    information: Information, values: Values, estimator: Estimator, times: Array
+) -> Estimate:
+    """Return values with their covariance, for noise of the autocorrelation times."""
+    k = information.size
+    kept = np.array(values.kept, int)
+    covariance = np.zeros((k, k))
     # Weights that know of memory are those of σ² κ; independent residuals would have σ² alone.
-    white = information.factor(weights / times)
+    white = information.factor(values.weights / times)
     spans = [np.ones(1)]
-    for chain in find_chains(R[:m, :m] != 0):
-        at = np.array(kept)[chain]
-        own = R[np.ix_(chain, chain)]
+    for chain in find_chains(values.factor != 0):
+        at = kept[chain]
+        own = values.factor[np.ix_(chain, chain)]
         covariance[np.ix_(at, at)] = sandwich(own, white[:, at])
-        spans.append(np.linalg.svd(own / length[at], compute_uv=False))
+        spans.append(np.linalg.svd(own / values.length[at], compute_uv=False))
     span = np.concatenate(spans[1:] or spans)
     # A column that a dropped one leans on has a value only as long as that one is zero.
-    determined = np.abs(never).max(1, initial=0.0) < NEARLY
+    determined = np.abs(values.open).max(1, initial=0.0) < NEARLY
     covariance[~determined] = covariance[:, ~determined] = 0.0
-    freedom = information.rows_each * (1 - m / max(information.rows, 1))
     found = Estimate(
         columns=information.columns,
-        value=value,
+        value=values.value,
         covariance=covariance,
         determined=determined,
-        kept=tuple(kept),
-        # Each actuator pays for its share of the parameters in proportion to its rows.
-        variance=rss / np.maximum(freedom, 1.0),
-        rss=rss,
+        kept=values.kept,
+        variance=values.variance,
+        rss=values.rss,
         rows=information.rows_each,
-        open=never,
+        open=values.open,
         condition=float(span.max() / span.min()),
-        weights=weights,
+        weights=values.weights,
         times=times,
         estimator=estimator,
     )

@@ -193,22 +193,29 @@ def count_freedom(information: Information, fit: Estimate) -> Array:
         About the fitted columns, in blocks that are independent.
     fit : Estimate
     """
-    kept = list(fit.kept)
-    k = len(kept)
+    freedom = np.ones(information.size)
     part = information.select(fit.kept)
-    to_x = unit_coordinates(part.factor(fit.weights)[:k, :k])
+    for chain in part.chains:
+        own = part.select(chain.tolist())
+        kept = np.array(fit.kept)[chain]
+        freedom[kept] = _count_freedom(own, fit.weights)
+    return freedom
+
+
+def _count_freedom(part: Information, weights: Array) -> Array:
+    """Return the degrees of freedom of independent columns of one chain, (k,)."""
+    k = part.size
+    to_x = unit_coordinates(part.factor(weights)[:k, :k])
     change = np.vstack([to_x, np.zeros((1, k))])
     # Block a scatters with b as ``t' (δ_ab A_a - A_a A_b) t`` in the direction t of a parameter.
-    Q = part.products(fit.weights, change, change) @ to_x.T
+    Q = part.products(weights, change, change) @ to_x.T
     own = np.einsum("ip,bip->bp", to_x.T, Q)
     taken = (Q * Q).sum(1)
     few = "aip,bip->pab" if len(Q) < k else "aip,ajp->pij"
     both = (np.einsum(few, Q, Q, optimize=True) ** 2).sum((1, 2))
     mean = (own - taken).sum(0)
     variance = (own**2 - 2 * own * taken).sum(0) + both
-    freedom = np.ones(information.size)
-    freedom[kept] = np.maximum(mean**2 / np.maximum(variance, 1e-300), 1.0)
-    return freedom
+    return np.maximum(mean**2 / np.maximum(variance, 1e-300), 1.0)
 
 
 # Do several logs give the same values? Scatter between them enters every interval.

@@ -568,6 +568,28 @@ class Share:
 
 
 @frozen
+class JointRows:
+    """Columns that act in one joint.
+
+    Attributes
+    ----------
+    columns : (c,) int
+        Of the model.
+    X : (m, c)
+        A factor of their rows, with the same products.
+    random : (r,) int
+        Of the groups, among the u columns of all.
+    Z : (m, r)
+        The same of these.
+    """
+
+    columns: np.ndarray
+    X: Array
+    random: np.ndarray
+    Z: Array
+
+
+@frozen
 class MissingEffects:
     """Groups that a model may lack, and their effect on its values.
 
@@ -577,16 +599,15 @@ class MissingEffects:
         That gain what names them.
     shares : tuple of Share
         Of these, and of all others.
-    XX, XB : (n, k, k), (n, k, u)
-        Products of model and groups at each joint, neither weighed nor whitened.
+    rows : tuple of JointRows
+        Columns of model and groups at each joint, neither weighed nor whitened.
     noise : ARNoise
         Noise of each joint, measured in the presence of all groups; empty where there are none.
     """
 
     named: Terms
     shares: tuple[Share, ...]
-    XX: Array
-    XB: Array
+    rows: tuple[JointRows, ...] = ()
     noise: ARNoise = ()
 
     @property
@@ -617,8 +638,13 @@ class MissingEffects:
         kept = list(fit.kept)
         M = submodel.M[:, kept]
         w = fit.weights
-        XX = M.T @ np.einsum("a,akl->kl", w, self.XX) @ M
-        XB = M.T @ np.einsum("a,aku->ku", w, self.XB)
+        used = max(s.columns.max() for s in self.shares) + 1
+        XX = np.zeros((M.shape[1], M.shape[1]))
+        XB = np.zeros((M.shape[1], used))
+        for weight, joint in zip(w, self.rows, strict=True):
+            X = joint.X @ M[joint.columns]
+            XX += weight * (X.T @ X)
+            XB[:, joint.random] += weight * (X.T @ joint.Z)
         size = np.sqrt(np.maximum(np.diag(XX), 1e-300))
         sizes = np.outer(size, size)
         scaled = XB / size[:, None]
@@ -665,7 +691,7 @@ class LabelAlternatives:
     named: np.ndarray
 
 
-NO_MISSING_EFFECTS = MissingEffects((), (), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
+NO_MISSING_EFFECTS = MissingEffects((), ())
 
 
 #: Share of the only log that may refute names, and share of either part that is omitted at the
@@ -793,13 +819,13 @@ def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> MissingEffec
     columns_each = (t.columns for t, *_ in groups)
     used = np.unique(np.concatenate([np.empty(0, int), *columns_each]))
     shares = [_share_of(model, used, *group) for group in groups]
-    rows = missing.seen
-    XX = []
-    XB = []
-    none = np.zeros(len(rows.y))
-    for j, X in enumerate(rows.X.transpose(1, 2, 0)):
-        random_columns = (used - missing.fixed).tolist()
-        Z = [missing.entries.get((j, k), none) for k in random_columns]
-        XX.append(X @ X.T)
-        XB.append(X @ np.reshape(Z, (-1, len(none))).T)
-    return MissingEffects(terms, tuple(shares), np.array(XX), np.array(XB), missing.noise)
+    rows = []
+    for j, X in enumerate(missing.seen.X.swapaxes(0, 1)):
+        columns = np.flatnonzero(X.any(0))
+        at = (used - missing.fixed).tolist()
+        random = [k for k, column in enumerate(at) if (j, column) in missing.entries]
+        Z = [missing.entries[j, at[k]] for k in random]
+        R = triangular_factor(np.column_stack([X[:, columns], *Z]))
+        width = len(columns)
+        rows.append(JointRows(columns, R[:, :width], np.array(random, int), R[:, width:]))
+    return MissingEffects(terms, tuple(shares), tuple(rows), missing.noise)

@@ -196,6 +196,48 @@ class Solution(Normal):
 
 
 @frozen
+class Projected:
+    """Parts of m columns along a solution: they are nonzero in few chains of the robot.
+
+    Attributes
+    ----------
+    size : int
+        m.
+    parts : tuple of (rows, columns, values)
+        Of each chain: the solution's columns, those of the m that it moves, and their parts.
+    """
+
+    size: int
+    parts: tuple[tuple[np.ndarray, np.ndarray, Array], ...]
+
+    @property
+    def moved(self) -> np.ndarray:
+        """Return which columns each chain moves, (chains, m) bool."""
+        every = np.arange(self.size)
+        moves = [np.isin(every, acts) for _, acts, _ in self.parts]
+        return np.reshape(moves, (-1, self.size)).astype(bool)
+
+    def times(self, half: Array) -> Array:
+        """Return the products of the parts with a vector of the solution's columns, (m,)."""
+        out = np.zeros(self.size)
+        for rows, acts, values in self.parts:
+            out[acts] += values.T @ half[rows]
+        return out
+
+    def squares(self, where: np.ndarray) -> Array:
+        """Return products (…, k, k) of the parts of columns (…, k) among themselves."""
+        out = np.zeros((*where.shape, where.shape[-1]))
+        for _, acts, values in self.parts:
+            place = np.full(self.size, len(acts))
+            place[acts] = np.arange(len(acts))
+            found = place[where]
+            inside = (found < len(acts)).any(-1)
+            padded = np.pad(values.T, ((0, 1), (0, 0)))[found[inside]]
+            out[inside] += padded @ padded.swapaxes(-1, -2)
+        return out
+
+
+@frozen
 class MixedModel:
     """A model of p fixed columns and groups that it may lack, on products of whitened rows.
 
@@ -247,13 +289,17 @@ class MixedModel:
         among = self._between(columns[:, None], columns)
         return self._solve(terms, columns, among, self.target[columns])
 
-    def _project(self, s: Solution, columns: np.ndarray) -> Array:
-        """Return what of some columns is along a solution, (c, m)."""
-        along = self._between(s.columns[:, None], columns)
+    def _project(self, s: Solution, columns: np.ndarray) -> Projected:
+        """Return what of m columns is along a solution."""
+        parts = []
         for chain in s.chains:
-            at = np.ix_(chain, np.flatnonzero(along[chain].any(0)))
-            along[at] = s.root[np.ix_(chain, chain)] @ along[at]
-        return along
+            own = s.columns[chain]
+            products = self.products.between(own[:, None], columns)
+            acts = np.flatnonzero(products.any(0))
+            units = np.outer(self.scale[own], self.scale[columns[acts]])
+            root = s.root[np.ix_(chain, chain)]
+            parts.append((chain, acts, root @ (products[:, acts] / units)))
+        return Projected(len(columns), tuple(parts))
 
     def _columns(self, terms: Terms) -> np.ndarray:
         """Return the columns of the fixed model and some terms."""
@@ -313,11 +359,10 @@ class MixedModel:
         sets = [at for g in asked for at in g.members]
         every = np.unique(np.concatenate([np.empty(0, int), *sets]))
         along = self._project(s, every)
-        left = self.target[every] - along.T @ s.half
+        left = self.target[every] - along.times(s.half)
         widths = np.array([len(at) for at in sets])
         places = [g.place for g in asked for _ in g.members]
-        moved = [along[chain].any(0) for chain in s.chains]
-        acts = np.vstack([self.products.acts(every), *moved])
+        acts = np.vstack([self.products.acts(every), *along.moved])
         pieces = list[tuple[int, np.ndarray]]()  # of each set, those of each chain
         for k, own in enumerate(sets):
             where = np.searchsorted(every, own)
@@ -329,8 +374,9 @@ class MixedModel:
             owners = [k for k, _ in alike]
             where = np.array([own for _, own in alike])
             columns = every[where]
-            S = self._between(columns[:, :, None], columns[:, None, :])
-            rise = self.rise(S, along[:, where], left[where])
+            units = self.scale[columns]
+            S = self.products.among(columns) / (units[:, :, None] * units[:, None, :])
+            rise = self.rise(S, along.squares(where), left[where])
             np.add.at(sums.swapaxes(0, 1), owners, rise)
         rises, means, variances = sums
         signs = np.log(2.0) + log_ndtr(means / np.sqrt(np.where(variances > 0, variances, 1.0)))
@@ -351,26 +397,26 @@ class MixedModel:
         # Ties keep their order in spite of rounding.
         return sorted(out, key=lambda t: -round(t.odds, 6))
 
-    def rise(self, S: Array, part: Array, left: Array) -> Array:
+    def rise(self, S: Array, along: Array, left: Array) -> Array:
         """Return the rise of the log-likelihood by sets of columns, (s, 3, sizes).
 
         Then mean and variance of the sum of the levels of each set.
 
         Parameters
         ----------
-        S : (s, k, k)
-            Products of the columns of each set.
-        part, left : (c, s, k), (s, k)
-            What of them is along the model, and their products with what it leaves.
+        S, along : (s, k, k)
+            Products of the columns of each set, and of their parts along the model.
+        left : (s, k)
+            Their products with the torque that the model leaves.
         """
-        outside = S - np.einsum("csk,csl->skl", part, part, optimize=True)
+        outside = S - along
         e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
         told = e > THIN * np.einsum("skk->sk", S).max(1)[:, None]
-        e, z = (np.where(told, x, 0.0) for x in (e, np.einsum("skl,sk->sl", U, left)))
+        e, z = (np.where(told, x, 0.0) for x in (e, (left[:, None] @ U)[:, 0]))
         v = self.sizes[:, None] ** 2
         shrunk = v / (1.0 + v * e[:, None])
         towards = U.sum(1)
-        squares = np.stack([z**2, towards * z, towards**2], 2)
+        squares = np.stack(np.broadcast_arrays(z**2, towards * z, towards**2), 2)
         found = (shrunk @ squares).swapaxes(1, 2)
         found[:, 0] = 0.5 * (found[:, 0] + np.log(shrunk / v).sum(2))
         return found
@@ -395,7 +441,8 @@ class MixedModel:
         planted = np.zeros(len(every))
         scales = self.scale[group.members[0]]
         planted[np.searchsorted(every, group.members[0])] = towards * scales
-        left = (whole - along.T @ along) @ planted
+        inside = along.squares(np.arange(len(every)))
+        left = (whole - inside) @ planted
         information = float(planted @ left)
         if not information > THIN * float(planted @ whole @ planted):
             return np.inf
@@ -403,12 +450,9 @@ class MixedModel:
         rises = []
         for member in group.members:
             at = np.searchsorted(every, member)
-            block = whole[np.ix_(at, at)]
-            S = np.broadcast_to(block, (len(AMOUNTS), len(at), len(at)))
-            directions = along[:, None, at]
-            part = np.broadcast_to(directions, (len(along), len(AMOUNTS), len(at)))
+            block = np.ix_(at, at)
             amounts = standard_error * AMOUNTS[:, None] * left[at]
-            rises.append(self.rise(S, part, amounts)[:, 0])
+            rises.append(self.rise(whole[block][None], inside[block][None], amounts)[:, 0])
         each = np.concatenate(rises, axis=1)
         likely = np.logaddexp.reduce(each, axis=1)
         odds = likely - np.log(each.shape[1]) - group.price

@@ -99,7 +99,10 @@ def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
     """
     if len(order) <= len(unit):  # if no column is nearly dependent, one factor shows it
         ordered = unit[:, list(order)]
-        sizes = np.abs(np.diag(np.linalg.qr(ordered, mode="r")))
+        # A factor of rows is triangular already, as long as every column acts.
+        is_factor = not np.tril(ordered, -1).any()
+        factor = ordered if is_factor else np.linalg.qr(ordered, mode="r")
+        sizes = np.abs(np.diag(factor))
         # Above this multiple of it, rounding does not decide.
         if (sizes > 10.0 * SPAN_TOLERANCE).all():
             return list(order)

@@ -130,6 +130,62 @@ class ActuatorBlocks:
         return replace(self, blocks=blocks, sums=members @ self.sums)
 
 
+@frozen
+class ColumnProducts:
+    """Products of one actuator's columns.
+
+    Attributes
+    ----------
+    place : (k + 1,) int
+        Where each column stands, the torque last; those that do not act stand behind all others.
+    products : (c + 1, c + 1) or None
+        None where the rows are fewer than the columns.
+    rows : (c + 1, m)
+        Each column's rows; zero where there are products.
+    """
+
+    place: np.ndarray
+    products: Array | None
+    rows: Array
+
+    @staticmethod
+    def of(part: ActuatorBlocks, place: np.ndarray, count: int) -> ColumnProducts:
+        """Return the products of the last so many columns of blocks, the torque among them."""
+        Z = part.blocks.reshape(-1, part.blocks.shape[2])
+        if len(Z) < count:
+            rows = Z if part.basis is None else Z @ part.basis
+            own = np.pad(rows[:, -count:].T, ((0, 1), (0, 0)))
+            return ColumnProducts(place, None, own)
+        total = np.pad(part.total[-count:, -count:], (0, 1))
+        return ColumnProducts(place, total, np.zeros((count + 1, 0)))
+
+    def acts(self, columns: np.ndarray) -> np.ndarray:
+        """Return which columns act, as their shape."""
+        return self.place[columns] < len(self.rows) - 1
+
+    def outer(self, some: np.ndarray, others: np.ndarray) -> Array:
+        """Return the products of each of some columns with each of others."""
+        some, others = self.place[some], self.place[others]
+        if self.products is None:
+            return self.rows[some] @ self.rows[others].T
+        return self.products[some[:, None], others]
+
+    def pairs(self, some: np.ndarray, others: np.ndarray) -> Array:
+        """Return the product of each of some columns with its other."""
+        some, others = self.place[some], self.place[others]
+        if self.products is None:
+            return (self.rows[some] * self.rows[others]).sum(-1)
+        return self.products[some, others]
+
+    def among(self, sets: np.ndarray) -> Array:
+        """Return the products of the columns of sets (s, k) among themselves, (s, k, k)."""
+        at = self.place[sets]
+        if self.products is None:
+            rows = self.rows[at]
+            return rows @ rows.swapaxes(1, 2)
+        return self.products[at[:, :, None], at[:, None, :]]
+
+
 def factor_each(grams: Array) -> Array:
     """Return a factor of each of some products (B, r, r) of columns about at right angles."""
     r = grams.shape[1]
@@ -365,7 +421,15 @@ class Information:
         ----------
         change : (k + 1, q)
         """
-        return ((part, own @ change[columns]) for part, own, columns in self._seen)
+        for part, own, columns in self._seen:
+            seen = change[columns]
+            acts = np.flatnonzero(seen.any(0))
+            if len(acts) == seen.shape[-1]:
+                yield part, own @ seen
+                continue
+            turned = np.zeros((len(own), seen.shape[-1]))
+            turned[:, acts] = own @ seen[:, acts]
+            yield part, turned
 
     def between(self, some: np.ndarray, others: np.ndarray) -> Array:
         """Return products of columns over all rows; column k is the torque.
@@ -373,25 +437,29 @@ class Information:
         Parameters
         ----------
         some, others : int
-            Columns, of shapes that broadcast as indices do: products of all may not fit in memory.
+            Columns, (a, 1) and (b,) for products of each with each, else (a,) and (a,) or ().
         """
         out = np.zeros(np.broadcast_shapes(some.shape, others.shape))
-        for products, place in self._totals:
-            acts = place < len(products) - 1
-            if others.ndim == 1 < some.ndim:
-                rows = np.flatnonzero(acts[some])
-                by = np.flatnonzero(acts[others])
-                out[np.ix_(rows, by)] += products[place[some[rows]], place[others[by]]]
-                continue
-            inner = tuple(range(1, some.ndim))
-            rows = np.flatnonzero(acts[some].any(inner))
-            by = others[rows] if others.ndim == some.ndim else others
-            out[rows] += products[place[some[rows]], place[by]]
+        for own in self._products:
+            if some.ndim == 2:
+                rows = np.flatnonzero(own.acts(some[:, 0]))
+                by = np.flatnonzero(own.acts(others))
+                out[np.ix_(rows, by)] += own.outer(some[rows, 0], others[by])
+            else:
+                out += own.pairs(some, others)
+        return out
+
+    def among(self, sets: np.ndarray) -> Array:
+        """Return products of the columns of each set (s, k) among themselves, (s, k, k)."""
+        out = np.zeros((*sets.shape, sets.shape[1]))
+        for own in self._products:
+            acts = np.flatnonzero(own.acts(sets).any(1))
+            out[acts] += own.among(sets[acts])
         return out
 
     def acts(self, columns: np.ndarray) -> np.ndarray:
         """Return in which actuators columns (m,) act, (n, m) bool."""
-        return np.array([place[columns] < len(P) - 1 for P, place in self._totals])
+        return np.array([own.acts(columns) for own in self._products])
 
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
@@ -400,8 +468,9 @@ class Information:
         ----------
         change : (k + 1,) or (k + 1, m)
         """
-        parts = self.of_actuators(change)
-        return np.array([np.square(p.root @ x).sum(0) for p, x in parts])
+        parts = self.of_actuators(change.reshape(len(change), -1))
+        squares = [np.square(part.root @ turned).sum(0) for part, turned in parts]
+        return np.reshape(squares, (self.actuators, *change.shape[1:]))
 
     def squares_of_blocks(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] x`` in each block, (…, B, n).
@@ -429,13 +498,23 @@ class Information:
         both_sides = np.hstack([left, right])
         both = zip(np.sqrt(weights), self.of_actuators(both_sides), strict=True)
         turned = [(part, weight * turn) for weight, (part, turn) in both]
-        # Rows of all actuators side by side: one product a block, and not one for each.
-        own = sum(part.blocks[:1].nbytes for part in self.parts)
-        for at in few_at_once(len(out), 2 * (out[:1].nbytes + own)):
-            Z = np.concatenate([part.blocks[at] @ turn for part, turn in turned], axis=1)
-            lefts = Z[:, :, :p]
-            rights = Z[:, :, p:]
-            out[at] = lefts.transpose(0, 2, 1) @ rights
+        acts = np.array([turn.any(0) for _, turn in turned])
+        for chain in find_chains(acts[:, :p]):
+            joints = np.flatnonzero(acts[:, chain].any(1)).tolist()
+            if not joints:
+                continue
+            rights = np.flatnonzero(acts[joints, p:].any(0))
+            columns = np.append(chain, p + rights)
+            own = [(turned[j][0], turned[j][1][:, columns]) for j in joints]
+            # Rows of all actuators side by side: one product a block, and not one for each.
+            size = 8 * len(columns) * (len(columns) + sum(part.blocks.shape[1] for part, _ in own))
+            for at in few_at_once(len(out), size):
+                Z = np.concatenate([part.blocks[at] @ turn for part, turn in own], axis=1)
+                blocks = np.arange(len(out))[at]
+                lefts = Z[:, :, : len(chain)]
+                out[np.ix_(blocks, chain, rights)] = (
+                    lefts.transpose(0, 2, 1) @ Z[:, :, len(chain) :]
+                )
         return out
 
     def factor(self, weights: Array | None = None) -> Array:
@@ -445,22 +524,35 @@ class Information:
 
     def _factor(self, weights: Array) -> Array:
         """Return a factor of weighted rows and the prior."""
-        unit = np.eye(self.size + 1)
-        every = zip(np.sqrt(weights), self.of_actuators(unit), strict=True)
-        rows = [w * part.root @ turned for w, (part, turned) in every]
-        known = [] if self.prior is None else [self.prior]
-        every_row = np.vstack([*rows, *known])
+        every = zip(np.sqrt(weights), self._roots, strict=True)
+        rows = [(weight * root, columns) for weight, (root, columns) in every]
+        if self.prior is not None:
+            rows.append((self.prior, np.arange(self.size + 1)))
         R = np.zeros((self.size + 1, self.size + 1))
-        alone = every_row[~every_row[:, :-1].any(1), -1]
-        corners = [alone]
+        corners = [own[~own[:, :-1].any(1), -1] for own, _ in rows]
         for chain in self.chains:
             at = np.append(chain, self.size)
-            of_chain = every_row[every_row[:, chain].any(1)][:, at]
-            factor = triangular_factor(np.vstack([of_chain, np.zeros((len(at), len(at)))]))
+            place = np.full(self.size, -1)
+            place[chain] = np.arange(len(chain))
+            stacked = []
+            for own, columns in rows:
+                found = place[columns[:-1]]
+                acts = np.flatnonzero(found >= 0)
+                of_chain = own[own[:, acts].any(1)]
+                placed = np.zeros((len(of_chain), len(at)))
+                placed[:, found[acts]] = of_chain[:, acts]
+                placed[:, -1] = of_chain[:, -1]
+                stacked.append(placed)
+            factor = triangular_factor(np.vstack([*stacked, np.zeros((len(at), len(at)))]))
             R[np.ix_(chain, at)] = factor[:-1]
             corners.append(factor[-1, -1:])
         R[-1, -1] = np.linalg.norm(np.concatenate(corners))
         return R
+
+    @cached_property
+    def _roots(self) -> list[tuple[Array, np.ndarray]]:
+        """A factor of each actuator's ``[W τ]``, and which columns these are, the torque last."""
+        return [(part.root @ own, columns) for part, own, columns in self._seen]
 
     @cached_property
     def chains(self) -> list[np.ndarray]:
@@ -482,19 +574,15 @@ class Information:
         return found
 
     @cached_property
-    def _totals(self) -> list[tuple[Array, np.ndarray]]:
-        """Return the products of each actuator and where columns stand in them.
-
-        Absent columns come last.
-        """
+    def _products(self) -> list[ColumnProducts]:
+        """Return the products of each actuator's columns; instruments take no part."""
         found = []
         for part in self.parts:
             columns = np.append(part.columns + self.size - self._width, self.size)
             columns = columns[columns >= 0]
             place = np.full(self.size + 1, len(columns))
             place[columns] = np.arange(len(columns))
-            own = part.total[-len(columns) :, -len(columns) :]  # instruments stand before them
-            found.append((np.pad(own, (0, 1)), place))
+            found.append(ColumnProducts.of(part, place, len(columns)))
         return found
 
     def reduce(self, M: Array, columns: Sequence[str], held: Array | None = None) -> Information:

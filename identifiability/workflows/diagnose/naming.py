@@ -915,7 +915,8 @@ def _beside_model(
     both = ((weights**2, own[:, :, at]), (weights, others))
     S, P = (np.tensordot(w, x, 1) for w, x in both)
     part = np.einsum("ij,wkj->iwk", solution.root, P[:, :, :-1], optimize=True)
-    return S, part, P[:, :, -1] - np.einsum("iwk,i->wk", part, solution.half)
+    along = np.einsum("iwk,iwl->wkl", part, part, optimize=True)
+    return S, along, P[:, :, -1] - np.einsum("iwk,i->wk", part, solution.half)
 
 
 def _odds_of_stay(
@@ -940,14 +941,13 @@ def _odds_of_stay(
         Of its family and its place.
     """
     count = len(grid.stays)
-    S, part, left = _beside_model(model, products, at, grid.weights)
-    rise = model.rise(S, part, left)[:, 0]
+    S, along, left = _beside_model(model, products, at, grid.weights)
+    rise = model.rise(S, along, left)[:, 0]
     odds = logsumexp(rise, axis=1) - np.log(rise.shape[1]) - price
     halves = np.split(odds, [count])
     total, drifts = (float(logsumexp(o) - np.log(len(o))) for o in halves)
     w, size = np.unravel_index(int(rise[:count].argmax()), rise.shape)
-    explained = part[:, w].T @ part[:, w]
-    outside = S[w] - explained + np.eye(len(at)) / model.sizes[size] ** 2
+    outside = S[w] - along[w] + np.eye(len(at)) / model.sizes[size] ** 2
     likely, unit = Normal.of(outside, left[w]), model.scale[at]
     covariance = likely.covariance / np.outer(unit, unit)
     return _Stay(candidate, odds[:count], total, drifts, likely.value / unit, covariance)
