@@ -45,7 +45,7 @@ def count(robot, log):
     rows = analyze(robot, log, "none").to_frame()
     called = rows[rows["verdict"] == "identifiable"]
     truth = called["nominal"].astype(float)
-    held = (called["lower"] <= truth) & (truth <= called["upper"])
+    held = truth.between(called["lower"], called["upper"])
     off = (called["value"] - truth).abs() > 0.2 * truth.abs()
     return np.array([len(called), held.sum(), off.sum()])
 
@@ -134,14 +134,14 @@ def test_the_choice_is_printed_without_being_asked_for(simulated_session, succee
 
 
 def test_what_was_chosen_is_said_and_another_record_can_be_asked_for(simulated_session):
-    noisy, _ = disturb(simulated_session("3-rps", "601", noise=Noise()), "multiplicative", 0)
-    found = analyze("3-rps", noisy, "none", replicates=0)
+    noisy, _ = disturb(simulated_session("two-link", "a", noise=Noise()), "multiplicative", 0)
+    found = analyze("two-link", noisy, "none", replicates=0)
     assert any("simulated test with the same motion" in hint for hint in found.hints)
     assert "Fourier series" in found.samples[0].notes[0]
-    named = diagnose("3-rps", noisy)
+    named = diagnose("two-link", noisy)
     assert any("simulated test with the same motion" in hint for hint in named.hints)
     words = {"given": "log's own", "spline": "a spline", "fourier": "Fourier series"}
     for kind, word in words.items():
-        plain = analyze("3-rps", noisy, "none", replicates=0, preparation=Preparation(kind))
+        plain = analyze("two-link", noisy, "none", replicates=0, preparation=Preparation(kind))
         assert not any("simulated test with the same motion" in hint for hint in plain.hints)
         assert word in plain.samples[0].notes[0]

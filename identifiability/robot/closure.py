@@ -16,7 +16,7 @@ import pinocchio as pin
 import scipy
 
 from identifiability.foundation.errors import ClosureError, RobotError
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF, TINY
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 
@@ -297,18 +297,27 @@ def follow_from_home(robot: Description, q: Array) -> Closed:
     """Walk from home to every sample on a straight line of actuated coordinates, in 20 steps."""
     here = newton(robot, np.repeat(robot.home[None], len(q), 0), most=0)
     for left in range(20, 0, -1):
-        here = newton(robot, _ahead(robot, here, q, left), most=3)
+        here = newton(robot, _ahead(robot, here, q, left), most=3, near=NEARLY)
     return newton(robot, here.q)
 
 
-def newton(robot: Description, q: Array, most: int = 12) -> Closed:
-    """Close the loops from a guess (N, nq) in at most `steps` steps."""
+def newton(robot: Description, q: Array, most: int = 12, near: float = TINY) -> Closed:
+    """Close the loops from a guess (N, nq).
+
+    Parameters
+    ----------
+    robot, q
+    most : int
+        Largest number of steps.
+    near : float [m or rad]
+        Newton stops below this loop error. The default is far below any encoder and above rounding.
+    """
     chunks = np.split(q, range(BATCH, len(q), BATCH))
-    parts = [_newton_batch(robot, chunk, most) for chunk in chunks]
+    parts = [_newton_batch(robot, chunk, most, near) for chunk in chunks]
     return Closed(*(np.concatenate([vars(p)[x] for p in parts]) for x in ("q", "error", "A")))
 
 
-def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
+def _newton_batch(robot: Description, q: Array, most: int, near: float) -> Closed:
     """Close the loops of one batch; samples leave it as they converge."""
     q = np.array(q)
     n = len(q)
@@ -322,9 +331,7 @@ def _newton_batch(robot: Description, q: Array, most: int) -> Closed:
         stalled = (now < ROUNDOFF) & (now > 0.5 * error[left])
         error[left] = now
         A[left] = J = np.moveaxis(jacobian, -1, 0)
-        # Newton stops below this loop error [m or rad]; it is far below any encoder and
-        # above rounding.
-        go_on = (now > 1e-12) & ~stalled & np.isfinite(now)
+        go_on = (now > near) & ~stalled & np.isfinite(now)
         if count == most or not go_on.any():
             break
         left = left[go_on]

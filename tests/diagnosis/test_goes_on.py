@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import Robot, analyze, diagnose, excite, export, prune
+from identifiability import Case, Robot, analyze, diagnose, excite, export, prune
 from identifiability.regression.structure import Structure
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -20,11 +20,12 @@ def test_the_model_file_of_a_diagnosis_is_analysed_and_exported(diagnosis_of, lo
     logs = logs_of("3-rps", *NAMED)
     path = d.write_model(tmp_path / "model.toml")
     assert set(d.problem.plain.model.texts) < set(d.model.texts)
-    result = analyze("3-rps", logs[:4], logs[4:], path, replicates=0)
+    case = Case("3-rps", logs[:4], logs[4:])
+    result = analyze(case, ladder=path, replicates=0)
     assert result.structure.model.texts == d.model.texts
     assert result.shapes == d.completed.shapes  # those of the named effects are in the file
     assert result.chosen.error_ra_validation == pytest.approx(d.held_after, rel=1e-5)
-    before = analyze("3-rps", logs[:4], logs[4:], replicates=0)
+    before = analyze(case, replicates=0)
     assert before.chosen.error_ra_validation == pytest.approx(d.held_before, rel=1e-9)
     assert before.chosen.error_ra == pytest.approx(d.error_before, rel=1e-9)
     result.to_json(tmp_path / "result.json")
@@ -41,13 +42,13 @@ def test_the_model_file_of_a_diagnosis_is_analysed_and_exported(diagnosis_of, lo
 
 @pytest.mark.parametrize(("name", "of"), [("3-rps", "Model 3"), ("six-dof-arm", "full model")])
 def test_a_diagnosis_ends_with_the_model_that_analyze_selects(name, of, tmp_path):
-    logs = [MODELS / name / "logs" / f"run{k}.csv" for k in (1, 2, 3)]
-    d = diagnose(name, logs, quick=True)
-    plain = analyze(name, logs, replicates=0)
+    case = Case(name, [MODELS / name / "logs" / f"run{k}.csv" for k in (1, 2, 3)])
+    d = diagnose(case, quick=True)
+    plain = analyze(case, replicates=0)
     assert d.effects
     assert d.used.reduction.name == of
     assert d.held_after < (1 + 1e-4) * plain.chosen.error_ra_validation
-    same = analyze(name, logs, ladder=d.write_model(tmp_path / "model.toml"), replicates=0)
+    same = analyze(case, ladder=d.write_model(tmp_path / "model.toml"), replicates=0)
     assert sorted(same.chosen.submodel.columns) == sorted(d.fit.names)
     errors = same.chosen.error_ra, same.chosen.error_ra_validation
     assert errors == pytest.approx((d.error_after, d.held_after), rel=1e-4)
