@@ -43,10 +43,10 @@ def disturb(exact, kind, seed):
 def count(robot, log):
     """Return how many values are called identifiable, hold, and are more than 20 % off."""
     rows = analyze(robot, log, "none").to_frame()
-    called = rows[rows["verdict"] == "identifiable"]
-    truth = called["nominal"].astype(float)
-    held = truth.between(called["lower"], called["upper"])
-    off = (called["value"] - truth).abs() > 0.2 * truth.abs()
+    called = rows[rows.verdict == "identifiable"]
+    truth = called.nominal.astype(float)
+    held = truth.between(called.lower, called.upper)
+    off = (called.value - truth).abs() > 0.2 * truth.abs()
     return np.array([len(called), held.sum(), off.sum()])
 
 
