@@ -3,6 +3,7 @@
 import pytest
 
 from identifiability import Robot, analyze, new_study
+from identifiability.foundation.rounding import format_measured
 from identifiability.workflows import case
 
 #: Whose friction the file states as it was planted.
@@ -29,21 +30,20 @@ def test_what_is_called_identifiable_holds_what_was_planted(found):
     assert all(held.values())
 
 
-def test_a_value_that_is_no_parameters_own_is_told_with_what_it_stands_for(found):
-    planted = Robot.load("3-rps").nominal
+def test_one_value_has_one_error_and_a_reason_where_exports_get_another(found, tmp_path):
+    report = found.write_report(tmp_path / "report.html").read_text()
     rows = found.to_dict()["parameters"]
-    (use, *_), tables = found.answers(), found.tables()
-    (page,) = (t for t in tables if "used" in [c.title for c in t.columns])
-    for v, row in zip(found.chosen.verdicts, rows, strict=True):
-        if v.name not in SLIDERS:
-            continue
-        near = abs(row["used"] - planted[v.name]) < 2 * v.sigma_robust
-        assert near or row["used_stands_for"].startswith(v.name)
-        if not near:
-            assert f"{v.name} (" in use.text
-            assert row["used_stands_for"] in found.statement
+    (page,) = (t for t in found.tables() if "used" in [c.title for c in t.columns])
     used = [c.title for c in page.columns].index("used")
-    far = any(row["used_stands_for"] for row in rows)
-    assert page.columns[used].detail is not far
-    notes = {row[0].text: row[used].note for row in page.rows}
-    assert notes == {row["name"]: row["used_stands_for"] for row in rows}
+    pairs = list(zip(found.chosen.verdicts, rows, strict=True))
+    far = [abs(row["used"] - v.value) > v.sigma_label for v, row in pairs]
+    assert [bool(row[used].note) for row in page.rows] == far
+    assert page.columns[used].detail is not any(far)
+    for (v, row), shown in zip(pairs, page.rows, strict=True):
+        value, error = format_measured(v.value, v.sigma_label)
+        assert (shown[1].text, shown[2].text) == (value, f"± {error}")
+        if v.name in SLIDERS:
+            assert f"{value} {v.unit} ± {error}" in report
+        if row["used_stands_for"]:
+            assert row["used_stands_for"].startswith(v.name)
+            assert row["used_stands_for"] in found.statement

@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.rounding import measured, stated_text
 from identifiability.physical.cad_prior import mass_rows
-from identifiability.workflows.analyze.result import Laddered, stated_values
+from identifiability.workflows.analyze.result import Laddered
 
 from .answers.common import sentence
 
-#: Kinds of parameters of a joint, in the order of the columns.
-JOINT_KINDS = ("Fc", "Fv", "Ia")
+#: Kinds of friction of a joint, in the order of the columns.
+JOINT_KINDS = ("Fc", "Fv")
 
 
 def joint_values(result: Laddered[Any]) -> Table | None:
@@ -26,65 +25,75 @@ def joint_values(result: Laddered[Any]) -> Table | None:
     None if the model has none of these parameters.
     """
     robot = result.robot
-    parameters = {p.name for p in result.structure.parameters}
-    kinds = [k for k in JOINT_KINDS if any(f"{joint}.{k}" in parameters for joint in robot.joints)]
+    rows_of = _ModelRows(result)
+    kinds = [k for k in (*JOINT_KINDS, robot.inertia_parts[0]) if rows_of.have(k)]
     known = {} if result.nothing else result.real_robot["parameters"]
     masses = {row["body"]: row for row in mass_rows(robot, known)}
     if not kinds:
         return None
-    chosen = result.chosen
-    file = dict(zip(chosen.submodel.columns, stated_values(result, chosen), strict=True))
-    verdicts = {v.name: v for v in chosen.verdicts}
-    titles = [sentence("values", kind) for kind in (*(["m"] if masses else []), *kinds)]
+    names = [k if k in JOINT_KINDS else "rotor" for k in kinds]
+    titles = [sentence("values", name) for name in (*(["m"] if masses else []), *names)]
     columns = [Column(sentence("values", "joint")), *(Column(t, "badge") for t in titles)]
     moved = zip(robot.bodies, robot.links, strict=True)
     bodies = {dof: body for body, link in moved for dof in robot.tree.joints[link.last].dofs}
     rows = []
     for joint in robot.joints:
-        cells = [_value_cell(result, f"{joint}.{kind}", verdicts, file) for kind in kinds]
+        cells = [rows_of.show(f"{joint}.{kind}") for kind in kinds]
         if masses:
-            cells = [_mass_cell(masses.get(bodies.get(joint, "")), verdicts), *cells]
+            cells = [rows_of.show_mass(masses.get(bodies.get(joint, ""))), *cells]
         rows.append((Cell(joint), *cells))
     return Table.of(sentence("values", "caption"), columns, rows)
 
 
-def _value_cell(
-    result: Laddered[Any], name: str, verdicts: dict[str, Verdict], file: dict[str, float | None]
-) -> Cell:
-    """Return the value of a parameter with its error, its verdict, and the file's value."""
-    verdict = verdicts.get(name)
-    if verdict is None:
-        others = ", ".join(_combinations(result, name))
-        part = "combined" if others else "absent"
-        return Cell("–", np.nan, sentence("values", part, names=others))
-    value = measured(verdict.value, verdict.sigma_label, verdict.unit)
-    stated = file[name]
-    said = stated_text(stated, verdict.sigma_label)
-    part = "unstated" if stated is None else "file"
-    note = f"{verdict.word}; {sentence('values', part, value=said)}"
-    return Cell(value, verdict.value, note, verdict.look)
+class _ModelRows:
+    """Cells of the parameters of the model to use."""
 
+    def __init__(self, result: Laddered[Any]) -> None:
+        chosen = result.chosen
+        each = zip(chosen.verdicts, chosen.recommended.tolist(), chosen.departures, strict=True)
+        self.structure = result.structure
+        self.known = {v.name: (v, used, why) for v, used, why in each}
+        self.stated = {n for n, x in result.robot.nominal.items() if x}
 
-def _combinations(result: Laddered[Any], name: str) -> Iterator[str]:
-    """Yield the base parameters of the model in which a parameter is contained."""
-    structure = result.structure
-    known = [p.name for p in structure.parameters]
-    if name not in known:
-        return
-    column = np.abs(structure.G[:, known.index(name)])
-    for base, coefficient in zip(structure.base.names, column, strict=True):
-        if coefficient > ROUNDOFF and base in result.chosen.submodel.columns:
-            yield base
+    def have(self, kind: str) -> bool:
+        """Return whether the model, or the unpruned one, has parameters of a kind."""
+        names = (*self.known, *(p.name for p in self.structure.parameters))
+        return any(name.endswith(f".{kind}") for name in names)
 
+    def show(self, name: str) -> Cell:
+        """Return the value of a parameter, its error and verdict; the file's and the used value."""
+        if name not in self.known:
+            others = ", ".join(self._combinations(name))
+            part = "combined" if others else "absent"
+            return Cell("–", np.nan, sentence("values", part, names=others))
+        verdict, used, why = self.known[name]
+        sigma = verdict.sigma_label
+        notes = [verdict.word]
+        if why:
+            notes.append(sentence("values", "used", value=stated_text(used, sigma), why=why))
+        part = "file" if name in self.stated else "unstated"
+        notes.append(sentence("values", part, value=stated_text(verdict.nominal, sigma)))
+        value = measured(verdict.value, sigma, verdict.unit)
+        return Cell(value, verdict.value, "; ".join(notes), verdict.look)
 
-def _mass_cell(row: dict[str, Any] | None, verdicts: dict[str, Verdict]) -> Cell:
-    """Return the mass of a body, whether it is determined by itself, and the file's mass."""
-    if row is None:
-        return Cell("–", np.nan)
-    verdict = verdicts.get(f"{row['body']}.m")
-    said = sentence("values", "file", value=stated_text(row["mass_file"]))
-    if verdict is None:
-        text = f"{stated_text(row['mass'])} kg"
-        return Cell(text, row["mass"], f"{sentence('values', 'alone')}; {said}", "partly")
-    value = measured(verdict.value, verdict.sigma_label, verdict.unit)
-    return Cell(value, verdict.value, f"{verdict.word}; {said}", verdict.look)
+    def show_mass(self, row: dict[str, Any] | None) -> Cell:
+        """Return the mass of a body; that of the physical robot where others are added to it."""
+        if row is None:
+            return Cell("–", np.nan)
+        name = f"{row['body']}.m"
+        if name in self.known and " " not in self.known[name][0].label:
+            return self.show(name)
+        alone = sentence("values", "alone")
+        file = sentence("values", "file", value=stated_text(row["mass_file"]))
+        return Cell(f"{stated_text(row['mass'])} kg", row["mass"], f"{alone}; {file}", "partly")
+
+    def _combinations(self, name: str) -> Iterator[str]:
+        """Yield the base parameters of the model in which a parameter is contained."""
+        structure = self.structure
+        names = [p.name for p in structure.parameters]
+        if name not in names:
+            return
+        column = np.abs(structure.G[:, names.index(name)])
+        for base, coefficient in zip(structure.base.names, column, strict=True):
+            if coefficient > ROUNDOFF and base in self.known:
+                yield base

@@ -21,3 +21,4 @@ def test_trust_falls_with_a_warning_and_is_gone_with_a_doubt():
     assert answer_trust([note], "", 3, 4).short.startswith("Yes")
     assert answer_trust([note, warning], "", 3, 4).short == "With care: “Grave”."
     assert answer_trust([note], "nothing moved", 3, 4).short == "No: nothing moved"
+    assert answer_trust([note], "", 3, 4, in_doubt=1).tone == "amber"

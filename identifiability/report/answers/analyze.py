@@ -397,7 +397,9 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
         doubt = sentence("laddered.trust", "nothing", why=result.nothing)
     size = len(result.chosen.submodel)
     missing = result.missing.statement
-    usual = answer_trust(result.cautions(), doubt, found, size, missing, result.warnings)
+    in_doubt = result.chosen.count(Flag.IN_DOUBT)
+    notes = result.cautions()
+    usual = answer_trust(notes, doubt, found, size, missing, result.warnings, in_doubt)
     odd = [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
     text = f"{_state_measurement(result)} {usual.short} {usual.text}".lstrip()
     if doubt or not odd:
@@ -557,14 +559,15 @@ def parameter_table(result: ModelResult) -> Table:
     shares = (v.share for v in result.verdicts if np.isfinite(v.share))
     most = max(shares, default=0.0) or 1.0
     values = result.recommended.tolist()
-    each = zip(result.verdicts, values, result.meanings, strict=True)
+    departures = result.departures
+    each = zip(result.verdicts, values, departures, strict=True)
     table = make_table("parameters", [_parameter_row(*one, most) for one in each])
-    hidden = not any(result.meanings)
+    hidden = not any(departures)
     columns = tuple(replace(c, detail=hidden) if c.get == "used" else c for c in table.columns)
     return replace(table, columns=columns)
 
 
-def _parameter_row(v: Verdict, used: float, meaning: str, most: float) -> dict[str, Any]:
+def _parameter_row(v: Verdict, used: float, why: str, most: float) -> dict[str, Any]:
     """Return a judged parameter as one row of a table.
 
     Parameters
@@ -572,15 +575,15 @@ def _parameter_row(v: Verdict, used: float, meaning: str, most: float) -> dict[s
     v : Verdict
     used : float
         The value in predictions and files.
-    meaning : str
-        Its effective combination, if it is no parameter by itself.
+    why : str
+        Why it differs from the estimate, if it does.
     most : float
         Largest share of torque of a parameter of the model.
     """
-    value, sigma = measured_cells(v.value, v.sigma_robust)
+    value, sigma = measured_cells(v.value, v.sigma_label)
     limit = Thresholds().sigma_percent  # a full bar is the limit of the verdicts, or more
     name = Cell(v.name, note=label_note(v.label))
-    usage = Cell(stated_text(used, v.sigma_robust), used, meaning)
+    usage = Cell(stated_text(used, v.sigma_label), used, why)
     share_bar = bar(100 * v.share, 100 * most)
     verdict = Cell(v.word, v.word, v.reason, v.look)
     return {
@@ -589,6 +592,7 @@ def _parameter_row(v: Verdict, used: float, meaning: str, most: float) -> dict[s
         "sigma": sigma,
         "unit": v.unit,
         "label": bar(v.sigma_label_percent, limit),
+        "robust": percent_of(v.sigma_robust, v.value),
         "bootstrap": percent_of(v.sigma_bootstrap, v.value),
         "used": usage,
         "share": share_bar,

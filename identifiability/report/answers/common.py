@@ -145,11 +145,11 @@ class AnsweringPresenter(Presenter, ABC):
         return source_name(self.result.robot)
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return the answers, none of them green above a worse one, and what to do next."""
+        """Return the answers, and what to do next."""
         commands = tuple(self.commands())
-        asked = reserve(self.asked(), self.result.warnings)
+        asked = tuple(self.asked())
         if not commands:
-            return tuple(asked)
+            return asked
         following = answer("next", "one" if len(commands) == 1 else "some")
         return (*asked, replace(following, commands=commands))
 
@@ -325,6 +325,7 @@ def answer_trust(
     size: int,
     missing: str = "",
     warnings: Sequence[str] = (),
+    in_doubt: int = 0,
 ) -> Answer:
     """Return whether the result may be trusted, with the titles of its caveats.
 
@@ -339,6 +340,8 @@ def answer_trust(
         The missing effects and their probability (`MissingEffects.statement`).
     warnings : sequence of str
         What changes a decision.
+    in_doubt : int
+        Parameters whose verdict an effect that may be missing changes.
     """
     if doubt:
         return answer("trust", "no", doubt=doubt)
@@ -349,6 +352,8 @@ def answer_trust(
     if checks:
         titles.append(sentence("trust", "checks", count=checks))
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
+    if in_doubt and not missing:
+        titles.append(sentence("trust", "doubted", found=in_doubt, size=size))
     grave = "; ".join([*(read if warnings else []), *titles])
     found_text = sentence("trust", "found", found=found, size=size)
     if missing:
@@ -359,13 +364,6 @@ def answer_trust(
     if grave:
         return answer("trust", "care", f"{found_text}.", grave=grave)
     return answer("trust", "yes", sentence("trust", "nothing", found=found_text))
-
-
-def reserve(answers: Sequence[Answer], warnings: Sequence[str]) -> tuple[Answer, ...]:
-    """Return answers with all green ones lowered if there is a warning, or a worse answer."""
-    if not warnings and not {a.tone for a in answers} & {"amber", "vermilion"}:
-        return tuple(answers)
-    return tuple(replace(a, tone="amber") if a.tone == "green" else a for a in answers)
 
 
 def state_contradicted(

@@ -203,6 +203,18 @@ class ModelResult:
         return [{**v.to_row(), "used": x, "used_stands_for": text} for v, x, text in pairs]
 
     @property
+    def departures(self) -> tuple[str, ...]:
+        """Why each value to use differs from the estimate by more than its error; else empty."""
+        texts = []
+        for v, fitted, used in zip(
+            self.verdicts, self.estimate.value, self.recommended, strict=True
+        ):
+            absorbs = abs(fitted - v.value) > abs(used - fitted)
+            reason = phrase("absorbs", "lacks" if absorbs else "nearest")
+            texts.append(reason if abs(used - v.value) > v.sigma_label else "")
+        return tuple(texts)
+
+    @property
     def meanings(self) -> tuple[str, ...]:
         """The effective combination of each value to use, if it surely differs from the label.
 
