@@ -51,6 +51,7 @@ from identifiability import Diagnosis, Log, Robot, diagnose, export
 from identifiability.effects import default_effects
 from identifiability.foundation.engines import Processes, Serial
 from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import REACH
 from identifiability.logs.signals import differentiate
 from identifiability.regression.reduction import DEFAULT_EFFECTS
 from identifiability.regression.regression import Model
@@ -317,9 +318,12 @@ def examine(case: tuple[int, int, str]) -> list[dict[str, Any]]:
             about["false"] = 0  # counted once
             if joint in found:
                 one = found[joint]
-                row |= {"ratio": one.stiffness / stiffness, "half": one.stiffness_half / stiffness}
+                row |= {
+                    "ratio": one.stiffness / stiffness,
+                    "half": REACH * one.stiffness_sd / stiffness,
+                }
                 row["rolled"] = rolled
-                row["holds"] = abs(one.stiffness - stiffness) <= one.stiffness_half
+                row["holds"] = abs(one.stiffness - stiffness) <= REACH * one.stiffness_sd
                 at = robot.joints.index(joint)
                 held = bending.held_before, bending.held_after
                 if held[0] is not None and held[1] is not None:

@@ -44,9 +44,9 @@ def test_combinations_are_stated_where_no_parameter_is_identifiable(analysis_of)
     first, second = ((cells[0].text, cells[1].text) for cells in tables[0].rows)
     # The other terms are below .01 N·m.
     assert first[0].startswith("joint_1.Fc ")  # 32 N·m in truth
-    assert first[1] == "32 N·m ± 4"
+    assert first[1] == "31.6 N·m ± 2.2"
     assert second[0].startswith("joint_6.Fc ")  # 1.6 N·m
-    assert second[1] == "1.6 N·m ± 0.6"  # its friction may be nonlinear
+    assert second[1] == "1.65 N·m ± 0.28"  # its friction may be nonlinear
     assert not any(t.caption.startswith("Combinations") for t in analysis_of(150).tables())
 
 

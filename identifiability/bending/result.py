@@ -34,12 +34,12 @@ class ElasticJoint:
     ----------
     joint : str
     stiffness : float [N·m/rad or N/m]
-    stiffness_half : float
-        Half width of the 95 % interval of the stiffness.
+    stiffness_sd : float
+        Standard error of the stiffness.
     resonance : float [Hz]
         Of the link with its motor locked, √(stiffness / inertia) / 2π.
-    resonance_half : float [Hz]
-        Half width of its 95 % interval.
+    resonance_sd : float [Hz]
+        Its standard error.
     damping_ratio : float
     damping : float [N·m·s/rad or N·s/m]
         Of the spring.
@@ -53,9 +53,9 @@ class ElasticJoint:
 
     joint: str
     stiffness: float
-    stiffness_half: float
+    stiffness_sd: float
     resonance: float
-    resonance_half: float
+    resonance_sd: float
     damping_ratio: float
     damping: float
     inertia: float

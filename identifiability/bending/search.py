@@ -10,7 +10,6 @@ import numpy as np
 
 from identifiability.foundation.linalg import RANK_TOLERANCE, or_one
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -496,9 +495,9 @@ def _describe(
     return ElasticJoint(
         joint=name,
         stiffness=stiffness,
-        stiffness_half=REACH * sd * stiffness,
+        stiffness_sd=sd * stiffness,
         resonance=frequency,
-        resonance_half=0.5 * REACH * sd * frequency,
+        resonance_sd=0.5 * sd * frequency,
         damping_ratio=damping_ratio,
         damping=float(dampings),
         inertia=inertia,

@@ -11,7 +11,7 @@ from identifiability.effects import title_of
 from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Note, Table
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rounding import REACH, format_count, format_number
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
@@ -137,11 +137,15 @@ def section_parameters(analysis: Analysis) -> Section:
 
 
 def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fold, ...]:
-    """Return a table of the identifiable parameters that decide most; others are a click away."""
-    known = [v for v in verdicts if v.verdict is Class.IDENTIFIABLE]
+    """Return a table of the identifiable parameters of bodies that decide most, then the others.
+
+    Friction and rotors are among the values of joints above.
+    """
+    identifiable = [v for v in verdicts if v.verdict is Class.IDENTIFIABLE]
+    known = [v for v in identifiable if v.name.rpartition(".")[2] in INERTIAL_KINDS]
     first = {v.name for v in sorted(known, key=lambda v: -v.share)[:SHOWN_FIRST]}
     shown = [v.name in first for v in verdicts]
-    return fold_rows(table, shown, "identifiable parameters of most torque")
+    return fold_rows(table, shown, "identifiable parameters of bodies with most torque")
 
 
 def _name_key(analysis: Analysis) -> Fold:
@@ -401,8 +405,6 @@ def pruning_below(ladder: Ladder) -> Picture:
 
 def pruning_sections(ladder: Ladder) -> list[Section | None]:
     """Return the sections of the page."""
-    masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
-    real = ladder.chosen.physical
     settings = {key: ladder.settings[key] for key in ("method", "seed")}
     text = words(
         "pruning.how",
@@ -416,7 +418,6 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         section_survivors(ladder),
         section("pruning.ladder", path, why=sentence("pruning.why")),
         None if ladder.nothing else section_correlated(ladder.fit),
-        section("pruning.bodies", masses, said="" if real is None else real.sentence),
         section("pruning.method", Prose(tuple(text.values())), detail=True),
     ]
 

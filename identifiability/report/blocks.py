@@ -371,7 +371,7 @@ SHOWN_FIRST = 12
 def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | Fold, ...]:
     """Return a table of some rows, and below it one of the others that opens on demand.
 
-    If all rows are of one kind, the table stays whole.
+    If no row is among the first, all open on demand.
 
     Parameters
     ----------
@@ -382,21 +382,23 @@ def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | 
         What these are, for the caption; what the others are say the words to filter by.
     """
     count = sum(first)
-    if not 0 < count < len(table.rows):
+    if count == len(table.rows):
         return (table,)
     shown, hidden = (
         tuple(row for row, is_first in zip(table.rows, first, strict=True) if is_first is kind)
         for kind in (True, False)
     )
     counts = ", ".join(f"{n} {word}" for word, n in words_of(replace(table, rows=hidden)))
-    said = f"The other {len(hidden)}{f': {counts}' if counts else ''}"
+    rest = f"The other {len(hidden)}" if count else f"All {len(hidden)}"
+    said = f"{rest}{f': {counts}' if counts else ''}"
     more = replace(
         table,
         caption="",
         rows=hidden,
         marked=None,
     )
-    return replace(table, caption=f"The {count} {those}", rows=shown), Fold(said, (more,))
+    best = (replace(table, caption=f"The {count} {those}", rows=shown),) if count else ()
+    return (*best, Fold(said, (more,)))
 
 
 def kind_of(block: object) -> str:

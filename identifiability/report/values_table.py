@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from identifiability.foundation.answers import Cell, Column, Table
-from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.rounding import measured, stated_text
 from identifiability.physical.cad_prior import mass_rows
 from identifiability.workflows.analyze.result import Laddered
@@ -63,7 +61,10 @@ class _ModelRows:
     def show(self, name: str) -> Cell:
         """Return the value of a parameter, its error and verdict; the file's and the used value."""
         if name not in self.known:
-            others = ", ".join(self._combinations(name))
+            base = self.structure.base
+            members = ({p.name for _, p in base.terms(row)} for row in range(len(base)))
+            groups = [n for n, of in zip(base.names, members, strict=True) if name in of]
+            others = [n for n in groups if n in self.known]
             part = "combined" if others else "absent"
             return Cell("–", np.nan, sentence("values", part, names=others))
         verdict, used, why = self.known[name]
@@ -86,14 +87,3 @@ class _ModelRows:
         alone = sentence("values", "alone")
         file = sentence("values", "file", value=stated_text(row["mass_file"]))
         return Cell(f"{stated_text(row['mass'])} kg", row["mass"], f"{alone}; {file}", "partly")
-
-    def _combinations(self, name: str) -> Iterator[str]:
-        """Yield the base parameters of the model in which a parameter is contained."""
-        structure = self.structure
-        names = [p.name for p in structure.parameters]
-        if name not in names:
-            return
-        column = np.abs(structure.G[:, names.index(name)])
-        for base, coefficient in zip(structure.base.names, column, strict=True):
-            if coefficient > ROUNDOFF and base in self.known:
-                yield base

@@ -205,14 +205,12 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
     value = found.numbers[kind][at]
     sd = found.unsure[numbers]
     if kind == "kp":
-        half = 1.96 * sd * value
+        sd = sd * value
     elif kind == "limit":
-        # Delayed speeds of a servo make its torque at a limit uncertain by a twentieth.
-        half = 1.96 * sd + 0.05 * value
-    else:
-        half = 1.96 * sd
+        # Delayed speeds of a servo make its torque at a limit uncertain by a fortieth.
+        sd = sd + 0.025 * value
     joints = [robot.joints[j] for j in at]
-    rows = list(zip(joints, value.tolist(), half.tolist(), strict=True))
+    rows = list(zip(joints, value.tolist(), sd.tolist(), strict=True))
     fitted = [f"{joint} {x:.4g} ± {by:.2g}" for joint, x, by in rows]
     stated = ", ".join(f"{joint} = {x:.4g}" for joint, x, _ in rows)
     said = {"key": kind, "fitted": listing(fitted, 12), "stated": stated}

@@ -249,6 +249,11 @@ class Quantity:
         """Half the width of the interval."""
         return 0.5 * (self.high - self.low)
 
+    @property
+    def sigma(self) -> float:
+        """Standard error."""
+        return self.half / REACH
+
 
 def nearest_body(found: LoadEstimate) -> Array:
     """Return the parameters (10,) of the physically consistent body nearest to an estimate."""
@@ -299,10 +304,8 @@ def state_quantities(
     half = _half_widths(found, body, scale)
     low = values - half
     high = values + half
-    uncertain = np.where(POSITIVE, low <= 0, half > length)
-    # Products of inertia, the last three, are stated with any interval.
-    products = np.arange(len(values)) >= len(values) - 3
-    unsure = uncertain & ~products
+    centre = np.array([name.startswith("centre") for name in QUANTITIES])
+    unsure = np.where(centre, half > length, (low <= 0) & (high >= 0))
     low = np.where(POSITIVE, np.maximum(low, 0.0), low)
     out = []
     for k, (name, unit) in enumerate(QUANTITIES.items()):
@@ -312,8 +315,7 @@ def state_quantities(
         elif k and unsure[0]:
             why = phrase("untold", "mass")
         elif unsure[k]:
-            part = "most" if POSITIVE[k] else "vague"
-            why = phrase("untold", part, most=high[k], unit=unit, length=length)
+            why = phrase("untold", "vague" if centre[k] else "most", length=length)
         out.append(Quantity(name, unit, float(values[k]), float(low[k]), float(high[k]), why))
     return tuple(out)
 
@@ -432,8 +434,8 @@ class Load(Result):
     known : float or None
         That mass [kg].
     hints : tuple of str
-    origin : str
-        Name of the file of the result without the load.
+    fit : Fit or None
+        The result without the load; None where a load is known.
     """
 
     schema: ClassVar[str] = "identifiability/payload/1"
@@ -452,7 +454,7 @@ class Load(Result):
     gains: tuple[Quantity, ...] = ()
     known: float | None = None
     hints: tuple[str, ...] = ()
-    origin: str = "result.json"
+    fit: Fit | None = None
 
     @property
     def mass(self) -> Quantity:
@@ -485,7 +487,7 @@ class Load(Result):
             yield Row(
                 name=quantity.name,
                 estimate=quantity.value,
-                standard_error=quantity.half / REACH,
+                standard_error=quantity.sigma,
                 interval=(quantity.low, quantity.high),
                 unit=quantity.unit,
                 verdict="identifiable" if quantity.told else "not identifiable",
@@ -591,7 +593,7 @@ def payload(
         model=model,
         known=mass,
         hints=tuple(remarks_once),
-        origin=fit.origin if fit else "EMPTY.csv",
+        fit=fit,
         **numbers,
     )
 

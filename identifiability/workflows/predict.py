@@ -25,7 +25,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
-from identifiability.foundation.names import BASE, Array
+from identifiability.foundation.names import BASE, Array, Strings
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result, by_name
@@ -358,6 +358,8 @@ class Fit(Keyed, Predicts):
         Name of the file that it was read from (reports tell no paths of a machine).
     missing : tuple of str
         Functions of a joint's motion or load that the model lacks, by the result.
+    sides : (tuple of str, tuple of str)
+        Paths of the fitted and of the held-out logs; empty where they are not known.
     alternatives : (2, b)
         Change of the base parameters by missing functions, and its standard deviation.
     servo : mapping of str to (float, float)
@@ -378,6 +380,7 @@ class Fit(Keyed, Predicts):
     base_unknown: Array
     origin: str = "result.json"
     missing: tuple[str, ...] = ()
+    sides: tuple[Strings, Strings] = ((), ())
     alternatives: Array | float = 0.0
     servo: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     reading: CarriedReading | None = None
@@ -688,6 +691,25 @@ class BendingEntry(Entry):
     rigid: str = ""
 
 
+class LogEntry(Entry):
+    """A log of a result; its error is that of the fit, if it took part."""
+
+    log: str
+    error: float | None = None
+
+
+class ErrorsEntry(Entry):
+    """The errors of a result."""
+
+    logs: tuple[LogEntry, ...] = ()
+
+    @property
+    def sides(self) -> tuple[Strings, Strings]:
+        """Paths of the fitted and of the held-out logs."""
+        fitted = tuple(x.log for x in self.logs if x.error is not None)
+        return fitted, tuple(x.log for x in self.logs if x.log not in fitted)
+
+
 class ResultEntry(Entry):
     """The part of a result that is read back."""
 
@@ -695,6 +717,7 @@ class ResultEntry(Entry):
     fit: FitEntry | None = None
     nothing: str | None = None
     physical: RealEntry = RealEntry()
+    errors: ErrorsEntry = ErrorsEntry()
     missing_functions: tuple[dict[str, Any], ...] = ()
     rollout: RolloutEntry | None = None
     bending: BendingEntry = BendingEntry()
@@ -736,7 +759,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     except ValueError:
         raise IdentifiabilityError(Finding("result.tables", path)) from None
     hints = note_change(path, content.robot, robot)
-    fit = replace(fit, origin=str(path), missing=content.missing)
+    fit = replace(fit, origin=str(path), missing=content.missing, sides=content.errors.sides)
     return replace(fit, reading=carried, hints=hints)
 
 

@@ -198,11 +198,10 @@ def report_loads(
         k = change.names.index(f"{change.place}.m")
         mass = float(change.sizes[k])
         sd = float(change.sd[k])
-        half = REACH * sd
-        if abs(mass) <= half:
+        if abs(mass) <= REACH * sd:
             continue
         numbers = {"mass": mass, "sd": sd, "body": change.place}
-        load = measured(abs(mass), half, "kg")
+        load = measured(abs(mass), sd, "kg")
         more = "more" if mass > 0 else "less"
         logs = [change.log] if change.log else names
         found.append(Finding("held_out_load", logs=logs, load=load, more=more, **numbers))

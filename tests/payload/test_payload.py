@@ -65,6 +65,7 @@ def test_intervals_hold_planted_loads(name, fit, make_logs):
             assert not check_body(found.parameters, "load")
             true = load.quantities
             inside += [q.low <= t <= q.high for q, t in zip(found.quantities, true, strict=True)]
+            assert all(q.low > 0 or q.high < 0 for q in found.quantities[4:] if q.told)
             off.append(found.mass.value / load.mass - 1)
     assert np.mean(inside) >= 0.9
     assert abs(np.mean(off)) < 0.03

@@ -32,8 +32,8 @@ def test_both_readings_are_shown_where_the_file_contradicts_torque_constants(
     reading = found.as_measured[0]
     assert not reading.low < planted.mass < reading.high
     text = found.statement
-    assert f"{reading.value:.3g} kg" in text
-    assert f"{found.mass.value:.3g} kg" in text
+    assert f"{reading.value:.2f}" in text
+    assert f"{found.mass.value:.2f} kg" in text
 
 
 def test_the_prior_of_torque_constants_is_in_the_interval_where_the_file_is_no_witness(

@@ -18,7 +18,7 @@ def test_quality_names_the_worst_joint():
 def test_trust_falls_with_a_warning_and_is_gone_with_a_doubt():
     note = Note("note", "Small.", "")
     warning = Note("warning", "Grave.", "")
-    assert answer_trust([note], "", 3, 4).short.startswith("Yes")
-    assert answer_trust([note, warning], "", 3, 4).short == "With care: “Grave”."
-    assert answer_trust([note], "nothing moved", 3, 4).short == "No: nothing moved"
-    assert answer_trust([note], "", 3, 4, in_doubt=1).tone == "amber"
+    assert answer_trust([note], "").short.startswith("Yes")
+    assert answer_trust([note, warning], "").short == "With care: “Grave”."
+    assert answer_trust([note], "nothing moved").short == "No: nothing moved"
+    assert answer_trust([note], "", in_doubt=1).tone == "amber"

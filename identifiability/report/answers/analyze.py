@@ -27,7 +27,6 @@ from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     LEVEL,
-    REACH,
     format_number,
     measured,
     percent_text,
@@ -344,7 +343,7 @@ def _find_determined(result: Laddered[Any]) -> list[tuple[str, str]]:
         pairs = zip(one.weights[1:], columns[1:], strict=True)
         rest = [f" {'−' if w < 0 else '+'} {format_number(abs(w), 3)} {name}" for w, name in pairs]
         unit = chosen.submodel.units[at[one.members[0]]]
-        value = measured(one.value, REACH * one.sigma, unit)
+        value = measured(one.value, one.sigma, unit)
         rows.append(("".join([columns[0], *rest]), value))
     return rows
 
@@ -391,15 +390,13 @@ def _state_file_error(result: Laddered[Any]) -> str:
 
 def answer_doubt(result: Laddered[Any]) -> Answer:
     """Return whether the result may be trusted."""
-    found = result.chosen.count(Class.IDENTIFIABLE)
     doubt = result.chosen.unjudged
     if result.nothing:
         doubt = sentence("laddered.trust", "nothing", why=result.nothing)
-    size = len(result.chosen.submodel)
     missing = result.missing.statement
     in_doubt = result.chosen.count(Flag.IN_DOUBT)
     notes = result.cautions()
-    usual = answer_trust(notes, doubt, found, size, missing, result.warnings, in_doubt)
+    usual = answer_trust(notes, doubt, missing, result.warnings, in_doubt)
     odd = [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
     text = f"{_state_measurement(result)} {usual.short} {usual.text}".lstrip()
     if doubt or not odd:
@@ -411,9 +408,9 @@ def _state_measurement(result: Laddered[Any]) -> str:
     """Return the values of the errors of measurement that the model has, in words."""
     names = {p.name for p in result.structure.parameters if p.group in COMPLETED}
     every = (v for v in result.chosen.verdicts if v.name in names)
-    values = [f"{v.name} = {measured(v.value, REACH * v.sigma_robust, v.unit)}" for v in every]
+    values = [f"{v.name} = {measured(v.value, v.sigma_label, v.unit)}" for v in every]
     if values:
-        return f"{listing(values, NAMED)} (95 %)."
+        return f"{listing(values, NAMED)}."
     return ""
 
 
@@ -436,10 +433,10 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
 
 
 def state_physics(result: Laddered[Any]) -> str:
-    """Return the values in use, and those that are effective combinations."""
+    """Return the values in use, and those that differ from the estimates."""
     chosen = result.chosen
     used = "used" if chosen.physical_used else "free"
-    each = zip(chosen.submodel.columns, chosen.meanings, strict=True)
+    each = zip(chosen.submodel.columns, chosen.departures, strict=True)
     names = [f"{name} ({text})" for name, text in each if text]
     more = sentence("decision.left", "names", names=names) if names else ""
     return f"{sentence('decision.physics', used)} {more}".rstrip()
@@ -457,12 +454,14 @@ def state_weight(result: Laddered[Any]) -> str:
     pairs = zip(structure.base.names, structure.G, strict=True)
     total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
     for v in result.full.verdicts:
-        if v.name in total and np.isfinite(half := REACH * v.sigma_label):
+        if v.name in total and np.isfinite(v.sigma_label):
             holes: dict[str, Any] = {
                 "title": result.robot.title,
                 "file": float(structure.nominal @ masses),
             }
-            return sentence("decision.weight", value=v.value, half=half, **holes)
+            return sentence(
+                "decision.weight", value=measured(v.value, v.sigma_label, "kg"), **holes
+            )
     return ""
 
 

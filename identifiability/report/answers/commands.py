@@ -16,6 +16,7 @@ from identifiability.logs.prepare.preparation import CommonPreparation
 from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
+from identifiability.workflows.predict import Fit
 from identifiability.workflows.provenance import given_paths
 
 
@@ -122,8 +123,24 @@ def held_back(samples: Sequence[Dataset], fitted: Sequence[Dataset] = ()) -> str
     A part of a fitted log is none: it is set aside again by default.
     """
     own = given_paths(fitted)
-    paths = (path for path in dict.fromkeys(given_paths(samples)) if path not in own)
-    return "".join(f" --validate {path_for_shell(path)}" for path in paths)
+    return validate_options(path for path in given_paths(samples) if path not in own)
+
+
+def validate_options(paths: Iterable[str]) -> str:
+    """Return the options that hold logs out, each once; begins with a space."""
+    return "".join(f" --validate {path_for_shell(path)}" for path in dict.fromkeys(paths))
+
+
+def diagnose_lines(fit: Fit) -> list[str]:
+    """Return the line that finds the effects that a fitted model lacks, if it lacks any.
+
+    It fits the logs of the fit, and writes no model: an earlier one may be there.
+    """
+    fitted, unseen = fit.sides
+    if not (fitted and fit.missing):
+        return []
+    logs = f"{name_logs(fit.robot, fitted)}{validate_options(unseen)}"
+    return [f"diagnose {source_name(fit.robot)} {logs} --report missing.html"]
 
 
 def on_file(result: Result, kind: str, name: str, make: str, use: Callable[[str], str]) -> str:

@@ -321,8 +321,6 @@ def word_of(grade: str) -> str:
 def answer_trust(
     notes: Sequence[Note],
     doubt: str,
-    found: int,
-    size: int,
     missing: str = "",
     warnings: Sequence[str] = (),
     in_doubt: int = 0,
@@ -334,8 +332,6 @@ def answer_trust(
     notes : sequence of Note
     doubt : str
         Why no value is reliable; empty where something is.
-    found, size : int
-        Parameters that are identifiable, and all.
     missing : str
         The missing effects and their probability (`MissingEffects.statement`).
     warnings : sequence of str
@@ -353,17 +349,14 @@ def answer_trust(
         titles.append(sentence("trust", "checks", count=checks))
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
     if in_doubt and not missing:
-        titles.append(sentence("trust", "doubted", found=in_doubt, size=size))
+        titles.append(sentence("trust", "doubted", count=in_doubt))
     grave = "; ".join([*(read if warnings else []), *titles])
-    found_text = sentence("trust", "found", found=found, size=size)
     if missing:
-        text = f"{found_text}."
-        if titles:
-            text = sentence("trust", "read", found=found_text, grave=grave)
+        text = sentence("trust", "read", grave=grave) if grave else ""
         return answer("trust", "if_nothing", text, missing=missing)
     if grave:
-        return answer("trust", "care", f"{found_text}.", grave=grave)
-    return answer("trust", "yes", sentence("trust", "nothing", found=found_text))
+        return answer("trust", "care", grave=grave)
+    return answer("trust", "yes", sentence("trust", "nothing"))
 
 
 def state_contradicted(

@@ -17,7 +17,7 @@ from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, format_number, measured, state_probability
 
-from .commands import export_line, ladder_option, name_logs
+from .commands import export_line, ladder_option, name_logs, validate_options
 from .common import NAMED, AnsweringPresenter, Command, answer, command, sentence
 from .tables import make_table
 
@@ -59,7 +59,7 @@ class ComparisonPresenter(AnsweringPresenter):
         every, k = shorten_paths((*result.before, *result.after)), len(result.before)
         question = sentence("comparison.how", "question", before=every[:k], after=every[k:])
         tone = "vermilion" if result.changes else "green"
-        changed = Answer(question, result.answer, _state_limits(result), tone)
+        changed = Answer(question, result.answer, tone=tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = answer("comparison.trust", "logs", why, "amber")
         cause = _answer_cause(result)
@@ -68,23 +68,27 @@ class ComparisonPresenter(AnsweringPresenter):
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
         result = self.result
-        sides, how = (result.before, result.after), result.preparation
-        before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
-        ladder = ladder_option(result.robot, result.source)
         if not result.changes:
-            every = name_logs(result.robot, (*result.before, *result.after), how=result.preparation)
-            fit = f"analyze {self.robot} {every}{ladder} --json analyze.json"
             export = export_line(result.robot, "analyze.json")
+            fit = self._fit_line((*result.before, *result.after))
             return [command("export", f"{fit} && identifiability {export}")]
         loads = [c.place for c in result.changes if c.kind == "load"]
         if loads:
-            fitted = f"analyze {self.robot} {before}{ladder} --json analyze.json"
             logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
             without = "".join(f" --without {path_for_shell(path)}" for path in result.before)
             weigh = f"payload {self.robot} analyze.json {logs} {body}{without} --report load.html"
-            return [command("fit_and_weigh", f"{fitted} && identifiability {weigh}")]
-        fit = f"analyze {self.robot} {after}{ladder} --json analyze.json"
-        return [command("fit_now", f"{fit} --report report.html")]
+            fit = self._fit_line(result.before)
+            return [command("fit_and_weigh", f"{fit} && identifiability {weigh}")]
+        return [command("fit_now", f"{self._fit_line(result.after)} --report report.html")]
+
+    def _fit_line(self, paths: Sequence[str]) -> str:
+        """Return the line that fits logs; the last of several is held out."""
+        result = self.result
+        *fitted, last = dict.fromkeys(paths)
+        logs = name_logs(result.robot, fitted or [last], how=result.preparation)
+        held = validate_options([last] if fitted else [])
+        ladder = ladder_option(result.robot, result.source)
+        return f"analyze {self.robot} {logs}{held}{ladder} --json analyze.json"
 
     def tables(self) -> tuple[Table, ...]:
         """Return a row for each change, then for each joint or body what would have been seen."""
@@ -163,7 +167,7 @@ def state_alternatives(change: Change) -> list[str]:
     texts = list(change.others)
     for other in change.alternatives:
         if other.kind == "missing":
-            by = measured(abs(other.felt.rms), REACH * other.felt.sd, other.felt.unit)
+            by = measured(abs(other.felt.rms), other.felt.sd, other.felt.unit)
             text = sentence("comparison.seen", "lacking", what=other.what, by=by)
         else:
             text = f"{_state_change(other)} {other.when}".rstrip()
@@ -181,19 +185,19 @@ def _state_change(change: Change) -> str:
     Where a change has several parameters and its sum is uncertain, only the significant ones are
     listed.
     """
-    about, half = "diagnosis.change", REACH * change.sd
-    size, reach, unit = 100 * change.share, 100 * REACH * change.share_sd, "%"
+    about = "diagnosis.change"
+    size, sd, unit = 100 * change.share, 100 * change.share_sd, "%"
     words = "rose", "fell"
     if change.kind == "load":
-        size, reach, unit, words = change.sizes[0], half[0], "kg", ("grew", "shrank")
-    if abs(size) > reach:
-        by = measured(abs(size), reach, unit)
+        size, sd, unit, words = change.sizes[0], change.sd[0], "kg", ("grew", "shrank")
+    if abs(size) > REACH * sd:
+        by = measured(abs(size), sd, unit)
         return sentence(about, words[int(size < 0)], what=change.what, by=by)
     parts = []
-    for name, x, h, u in zip(change.names, change.sizes, half, change.units, strict=True):
+    for name, x, s, u in zip(change.names, change.sizes, change.sd, change.units, strict=True):
         times, unit = (100, "%") if u == "1" else (1, u)
-        if abs(x) > h:
-            by = measured(times * x, times * h, unit)
+        if abs(x) > REACH * s:
+            by = measured(times * x, times * s, unit)
             parts.append(sentence(about, "by", name=name, by=by))
     sizes = f": {listing(parts)}" if parts else ""
     return sentence(about, "changed", what=change.what, sizes=sizes)
@@ -246,11 +250,11 @@ def _title(change: Change | Unchanged) -> str:
 def _change_row(change: Change) -> tuple[object, ...]:
     """Return the row of a change: place, quantity, size, torque, probability, logs, rivals."""
     size, sd = change.relative
-    by = signed(100 * size, 100 * REACH * sd, "%")
+    by = signed(100 * size, 100 * sd, "%")
     if change.kind == "load":
-        by = signed(change.sizes[0], REACH * change.sd[0], "kg")
+        by = signed(change.sizes[0], change.sd[0], "kg")
     felt = change.felt
-    torque = signed(felt.rms, REACH * felt.sd, felt.unit)
+    torque = signed(felt.rms, felt.sd, felt.unit)
     if felt.joint != change.place:
         torque = f"{torque} at {felt.joint}"
     rivals = "; ".join(state_alternatives(change))
@@ -284,24 +288,9 @@ def _state_evidence(change: Change) -> str:
     felt = change.felt
     if not np.isfinite(felt.rms):
         return ""
-    torque = measured(abs(felt.rms), REACH * felt.sd, felt.unit)
+    torque = measured(abs(felt.rms), felt.sd, felt.unit)
     holes = {"torque": torque, "joint": felt.joint, "probability": state_probability(change.odds)}
     return sentence("comparison.seen", "evidence", **holes)
-
-
-def _state_limits(result: Comparison) -> str:
-    """Return from which size on each kind of change would be seen; nothing without such kinds."""
-    numbers = [x for x in result.unchanged if np.isfinite(x.least)]
-    ranges = []
-    for title in dict.fromkeys(map(_title, numbers)):
-        some = sorted((x for x in numbers if _title(x) == title), key=lambda x: x.relative)
-        first, last = some[0], some[-1]
-        holes = {"what": title, "place": first.place, "least": _least(first)}
-        holes |= {"other": last.place, "most": _least(last)}
-        ranges.append(sentence("comparison.seen", "range" if len(some) > 1 else "one", **holes))
-    if ranges:
-        return sentence("comparison.seen", "text", limits=listing(ranges, between="; "))
-    return sentence("comparison.seen", "none") if result.unchanged else ""
 
 
 def _answer_cause(result: Comparison) -> tuple[Answer, ...]:
@@ -332,7 +321,7 @@ def _state_cause(change: Change, result: Comparison) -> str:
     return sentence(about, "wear" if size > 0 else "lower", what=what)
 
 
-def signed(value: float, half: float, unit: str) -> str:
-    """Return a change with its sign, its unit and half of its interval."""
-    text = measured(value, half, unit)
+def signed(value: float, sd: float, unit: str) -> str:
+    """Return a change with its sign, its unit and its standard error."""
+    text = measured(value, sd, unit)
     return f"+{text}" if value > 0 else text

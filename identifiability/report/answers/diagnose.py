@@ -230,7 +230,7 @@ def _answer_bending(found: Bending) -> Answer:
         told = sentence(about, "told", band=found.band, bandwidth=found.bandwidth)
         return Answer(question, sentence(about, "none"), told, "green")
     each = [
-        sentence(about, "one", joint=x.joint, resonance=x.resonance, half=x.resonance_half)
+        sentence(about, "one", joint=x.joint, resonance=measured(x.resonance, x.resonance_sd, "Hz"))
         for x in found.joints
     ]
     how = sentence(about, "how", bandwidth=found.bandwidth)
@@ -251,10 +251,10 @@ def _list_bending(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
         yield (
             x.joint,
             x.stiffness,
-            x.stiffness_half,
+            x.stiffness_sd,
             f"{units[x.joint]}/{way}",
             x.resonance,
-            x.resonance_half,
+            x.resonance_sd,
             x.damping_ratio,
             x.gain,
             float(bending.error_before[at]),

@@ -14,7 +14,7 @@ from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, measured
 
-from .commands import name_logs
+from .commands import diagnose_lines, name_logs
 from .common import AnsweringPresenter, Command, answer, command, sentence
 from .tables import make_table
 
@@ -38,15 +38,12 @@ class LoadPresenter(AnsweringPresenter):
         """Return lines for the terminal, the most useful first."""
         result = self.result
         logs = name_logs(result.robot, result.logs)
-        fitted, body = path_for_shell(result.origin), option_for_shell("--body", result.body)
+        fit, body = result.fit, option_for_shell("--body", result.body)
+        fitted = path_for_shell(fit.origin if fit else "EMPTY.csv")
         call = f"payload {self.robot} {fitted} {logs} {body}"
-        out = []
+        out = [command("missing", line) for line in (diagnose_lines(fit) if fit else ())]
         if not (result.without or result.gains):
-            out = [command("weigh", f"{call} --without empty.csv")]
-        if result.without and result.estimate.lacks:
-            unloaded = name_logs(result.robot, result.without)
-            line = f"diagnose {self.robot} {unloaded} --out model.toml --report missing.html"
-            out = [command("missing", line)]
+            out.insert(0, command("weigh", f"{call} --without empty.csv"))
         begun = name_logs(result.robot, result.logs, "--start-from")
         return [*out, command("motion", f"excite {self.robot} {begun} --out next.json")]
 
@@ -72,7 +69,7 @@ class LoadPresenter(AnsweringPresenter):
         rows = [
             {
                 **asdict(found),
-                "stated": measured(found.value, found.half) if found.told else NONE,
+                "stated": measured(found.value, found.sigma) if found.told else NONE,
                 "verdict": result[found.name].verdict,
             }
             for found in shown
@@ -89,15 +86,15 @@ class LoadPresenter(AnsweringPresenter):
 def _state_load(result: Load) -> str:
     """Return mass and where, in one sentence."""
     about, mass, body = "payload.load", result.mass, result.body
-    if not np.isfinite(mass.half):
+    if not np.isfinite(mass.sigma):
         return sentence(about, "unknown", body=body)
     if not mass.told:
         return sentence(about, "nothing", body=body, most=mass.high)
-    value = measured(mass.value, mass.half, "kg")
+    value = measured(mass.value, mass.sigma, "kg")
     centre = result.quantities[1:4]
     if not all(q.told for q in centre):
         return sentence(about, "mass", mass=value, body=body)
-    at = ", ".join(measured(q.value, q.half) for q in centre)
+    at = ", ".join(measured(q.value, q.sigma) for q in centre)
     return sentence(about, "centre", mass=value, body=body, at=at)
 
 
@@ -114,7 +111,7 @@ def _answer_load(result: Load) -> Answer:
     """Return the mass and the centre of the load."""
     question = sentence("payload.load", "question", body=result.body)
     if not result.mass.told:
-        nothing = np.isfinite(result.mass.half)
+        nothing = np.isfinite(result.mass.sigma)
         text = sentence("payload.load", "entered") if nothing else ""
         return Answer(question, result.answer, text, "amber")
     return Answer(question, result.answer, _state_readings(result), "blue")
@@ -123,14 +120,14 @@ def _answer_load(result: Load) -> Answer:
 def _state_readings(result: Load) -> str:
     """Return the mass as measured, and what torque constants that are off make of it."""
     scale, raw, mass = result.scale, result.as_measured[0], result.mass
-    measured_mass = measured(raw.value, raw.half, "kg")
+    measured_mass = measured(raw.value, raw.sigma, "kg")
     if np.isnan(scale.ratio):
         return sentence("payload.scale", "prior", percent=100.0 * scale.sd, raw=measured_mass)
     low, high = scale.ratio_interval
     about = {"ratio": scale.ratio, "low": low, "high": high, "raw": measured_mass}
     if not scale.contradicts:
         return sentence("payload.scale", "agrees", **about)
-    corrected = measured(mass.value, mass.half, "kg")
+    corrected = measured(mass.value, mass.sigma, "kg")
     return sentence("payload.scale", "contradicts", **about, value=corrected)
 
 
@@ -138,7 +135,7 @@ def _answer_known(result: Load) -> Answer:
     """Return the number of identifiable quantities of the load."""
     about = "payload.known"
     unknown = [q.name for q in result.quantities if not q.told]
-    count, tone = len(result.quantities), "green" if result.mass.told else "amber"
+    count, tone = len(result.quantities), "amber" if unknown else "green"
     text = sentence(about, "lost", names=listing(unknown, count)) if unknown else ""
     return answer(about, "count", text, tone, found=count - len(unknown), count=count)
 

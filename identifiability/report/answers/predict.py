@@ -18,7 +18,7 @@ from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
 from identifiability.workflows.provenance import given_paths
 
-from .commands import export_line, name_logs
+from .commands import compare_line, diagnose_lines, export_line, name_logs
 from .common import (
     AnsweringPresenter,
     Command,
@@ -64,13 +64,14 @@ class TorquePredictionPresenter(PredictingPresenter):
         given = path_for_shell(result.fit.origin)
         every = name_logs(result.robot, result.logs)
         pairs = zip(result.logs, result.measured, strict=True)
-        measured = name_logs(result.robot, [name for name, known in pairs if known])
+        measured = [name for name, known in pairs if known]
         line = f"predict {self.robot} {given} {every} --out torque.csv"
         table = [command("samples", line)] if result.written("table") is None else []
-        if _find_few(result):
-            line = f"diagnose {self.robot} {measured} --out model.toml --report missing.html"
-            return [command("missing_here", line), *table]
-        return [*table, command("export", export_line(result.robot, given))]
+        missing = [command("missing", line) for line in diagnose_lines(result.fit)]
+        if _find_few(result) and result.fit.sides[0]:
+            paths = result.fit.sides[0][0], *measured
+            return [command("compare", compare_line(result.robot, paths, None)), *missing, *table]
+        return [*missing, *table, command("export", export_line(result.robot, given))]
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
-from identifiability.foundation.errors import listing
 from identifiability.foundation.rounding import format_number, percent_text
 
 from .analyze import LadderedPresenter, error_tables, model_row, state_physics
@@ -45,18 +44,13 @@ class LadderPresenter(LadderedPresenter):
             text = sentence(about, "because", why=result.nothing)
             return answer(about, "nothing", text, size=size)
         wrong = chosen.infeasible
-        used = [name for name in chosen.columns if name not in wrong]
-        impossible = sentence(about, "impossible", names=wrong) if wrong else ""
-        text = f"{listing(used, 6)}{impossible}."
+        size_used = len(chosen) - len(wrong)
+        parts = [sentence(about, "impossible", names=wrong)] if wrong else []
         if len(chosen) == size:
-            text = sentence(about, "all")
-        text = " ".join(filter(None, (text, state_physics(result))))
-        identifiable = chosen.count(Class.IDENTIFIABLE)
-        counts: dict[str, Any] = {
-            "size": size,
-            "used": len(used),
-            "found": identifiable,
-        }
+            parts.append(sentence(about, "all"))
+        text = " ".join((*parts, state_physics(result)))
+        found = chosen.count(Class.IDENTIFIABLE)
+        counts: dict[str, Any] = {"size": size, "used": size_used, "found": found}
         return answer(about, "some", text, "green" if chosen.feasible else "amber", **counts)
 
     def notes(self) -> Iterator[Note]:

@@ -34,7 +34,6 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.options import OptionError, check_choice
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, state_mass
@@ -199,32 +198,19 @@ class ModelResult:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return its parameters as rows: verdicts, and the values that are used of them."""
-        pairs = zip(self.verdicts, self.recommended.tolist(), self.meanings, strict=True)
-        return [{**v.to_row(), "used": x, "used_stands_for": text} for v, x, text in pairs]
+        pairs = zip(self.verdicts, self.recommended.tolist(), self.departures, strict=True)
+        return [{**v.to_row(), "used": x, "used_because": text} for v, x, text in pairs]
 
     @property
     def departures(self) -> tuple[str, ...]:
         """Why each value to use differs from the estimate by more than its error; else empty."""
         texts = []
-        for v, fitted, used in zip(
-            self.verdicts, self.estimate.value, self.recommended, strict=True
-        ):
+        values = self.estimate.value, self.recommended
+        for v, fitted, used in zip(self.verdicts, *values, strict=True):
             absorbs = abs(fitted - v.value) > abs(used - fitted)
             reason = phrase("absorbs", "lacks" if absorbs else "nearest")
             texts.append(reason if abs(used - v.value) > v.sigma_label else "")
         return tuple(texts)
-
-    @property
-    def meanings(self) -> tuple[str, ...]:
-        """The effective combination of each value to use, if it surely differs from the label.
-
-        Parameters of a reduced model absorb part of the omitted parameters and of missing effects.
-        Their values are such combinations. Their labels name one parameter only.
-        """
-        pairs = zip(self.verdicts, self.recommended, strict=True)
-        another = [abs(x - v.value) > REACH * v.sigma_robust for v, x in pairs]
-        texts = [v.stands_for or phrase("absorbs", "says", name=v.name) for v in self.verdicts]
-        return tuple(text if own else "" for text, own in zip(texts, another, strict=True))
 
 
 # Fields that results of analyze and prune share.
