@@ -155,9 +155,9 @@ class Table:
         columns = tuple(self.columns[k] for k in shown)
         return replace(self, columns=columns, rows=rows, marked=marked, filter_by=filter_by)
 
-    def without(self, title: str) -> Table:
-        """Return the table without the column of a title."""
-        shown = [k for k, column in enumerate(self.columns) if column.title != title]
+    def without(self, *titles: str) -> Table:
+        """Return the table without the columns of some titles."""
+        shown = [k for k, column in enumerate(self.columns) if column.title not in titles]
         rows = tuple(tuple(row[k] for k in shown) for row in self.rows)
         return replace(self, columns=tuple(self.columns[k] for k in shown), rows=rows)
 

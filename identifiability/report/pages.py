@@ -205,14 +205,18 @@ SHOWN = 6
 
 
 def section_effects(d: Diagnosis) -> Section:
-    """Return the named effects with their values, the refuted effects, and the possible ones."""
+    """Return the named effects with their values, the refuted effects, and the possible ones.
+
+    The first curve is on the first screen.
+    """
     rows = []
     for e in d.effects:
         for p in e.placements:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
             first = (Cell(" or ".join(list_names(e)), note=shape), p.place)
             rows += [(*first, *row, p.odds, p.rms) for row in p.rows]
-    found = (make_table("effects", rows), gallery("curves", _curves(d, SHOWN)))
+    others = _curves(d, SHOWN)[1:]
+    found = [make_table("effects", rows), *([gallery("curves", others)] if others else [])]
     refuted = None
     if d.refuted:
         refuted = make_table("refuted", map(_odds_row, d.refuted), verified=d.verified_on)

@@ -80,7 +80,7 @@ class Page:
     @property
     def has_detail(self) -> bool:
         """Whether something is shown only to who asks for statistics in detail."""
-        parts = [*_within(self.sections)]
+        parts = [*_within((*self.summary, *self.sections))]
         columns = (c for b in parts for c in getattr(b, "columns", ()))
         return any(getattr(b, "detail", False) for b in (*parts, *columns))
 

@@ -394,7 +394,7 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     if result.nothing:
         doubt = sentence("laddered.trust", "nothing", why=result.nothing)
     missing = result.missing.statement
-    in_doubt = result.chosen.count(Flag.IN_DOUBT)
+    in_doubt = [v.name for v in result.chosen.verdicts if Flag.IN_DOUBT in v.flags]
     notes = result.cautions()
     usual = answer_trust(notes, doubt, missing, result.warnings, in_doubt)
     odd = [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]

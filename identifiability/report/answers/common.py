@@ -323,7 +323,7 @@ def answer_trust(
     doubt: str,
     missing: str = "",
     warnings: Sequence[str] = (),
-    in_doubt: int = 0,
+    in_doubt: Sequence[str] = (),
 ) -> Answer:
     """Return whether the result may be trusted, with the titles of its caveats.
 
@@ -336,7 +336,7 @@ def answer_trust(
         The missing effects and their probability (`MissingEffects.statement`).
     warnings : sequence of str
         What changes a decision.
-    in_doubt : int
+    in_doubt : sequence of str
         Parameters whose verdict an effect that may be missing changes.
     """
     if doubt:
@@ -349,7 +349,7 @@ def answer_trust(
         titles.append(sentence("trust", "checks", count=checks))
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
     if in_doubt and not missing:
-        titles.append(sentence("trust", "doubted", count=in_doubt))
+        titles.append(sentence("trust", "doubted", names=in_doubt))
     grave = "; ".join([*(read if warnings else []), *titles])
     if missing:
         text = sentence("trust", "read", grave=grave) if grave else ""

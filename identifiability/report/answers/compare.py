@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,12 +96,9 @@ class ComparisonPresenter(AnsweringPresenter):
         if not changed:
             return (limits,)
         table = make_table("comparison", changed)
-        places = range(len(table.columns))
-        filled = [any(row[k].text for row in table.rows) for k in places]
-        shown = [k for k, is_filled in enumerate(filled) if is_filled]
-        columns = tuple(table.columns[k] for k in shown)
-        rows = tuple(tuple(row[k] for k in shown) for row in table.rows)
-        return replace(table, columns=columns, rows=rows), limits
+        columns = zip(table.columns, *table.rows, strict=True)
+        empty = [c.title for c, *cells in columns if not any(cell.text for cell in cells)]
+        return table.without(*empty), limits
 
     def frame(self) -> pd.DataFrame:
         """Return one row a number: its change with interval, or the least that would be seen."""

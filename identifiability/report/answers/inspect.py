@@ -11,14 +11,13 @@ import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.findings import ledger, of_key
-from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, format_number, percent
 from identifiability.workflows.inspect import required_columns
 
-from .commands import name_logs, robot_word
+from .commands import name_logs, robot_word, validate_options
 from .common import NAMED, AnsweringPresenter, Command, answer, command, hint_note, sentence
-from .tables import make_table
+from .tables import make_table, span_cell
 
 if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection, JointFact, Record
@@ -52,12 +51,11 @@ class InspectionPresenter(AnsweringPresenter):
             motion = f"excite {self.robot} --out motion.json --report motion.html"
             return [command("begin", study), command("worth", motion)]
         fitted = [r.path or r.name for r in result.records if not r.held_out]
-        judges = [path_for_shell(r.path or r.name) for r in result.records if r.held_out]
         logs = name_logs(result.robot, fitted)
         if of_key(result.hints, "currents"):  # every other verb would refuse these logs
             return [command("gains", f"inspect {self.robot} {logs}")]
-        validate = "".join(f" --validate {path}" for path in judges)
-        judge = f"analyze {self.robot} {logs}{validate} --report report.html --json analyze.json"
+        unseen = validate_options(r.path or r.name for r in result.records if r.held_out)
+        judge = f"analyze {self.robot} {logs}{unseen} --report report.html --json analyze.json"
         return [command("analyze", judge)]
 
     def ledger(self) -> tuple[Table, ...]:
@@ -70,7 +68,11 @@ class InspectionPresenter(AnsweringPresenter):
         if not result.records:
             return (joint_table(result),)
         frame = self.frame()
-        motion = make_table("commanded" if "kp" in frame else "recorded", frame.itertuples())
+        rows = frame.to_dict("records")
+        for row in rows:
+            row["position"] = span_cell(row["low"], row["high"])
+            row["torque"] = span_cell(row["torque_low"], row["torque_high"])
+        motion = make_table("commanded" if "kp" in frame else "recorded", rows)
         if len(result.records) == 1:
             motion = motion.without("log")
         return make_table("clock", map(_clock_row, result.records)), motion
@@ -109,15 +111,10 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
     cut = clocks.cutoff.dropna().min()
     text = "" if np.isnan(cut) else sentence(about, "cutoff", cutoff=cut)
     joints: Any = pd.concat([r.joints for r in result.records], ignore_index=True)
-    torque = joints[["torque_low", "torque_high"]].abs().max(axis=1)
-    if torque.notna().any():
-        most = joints.loc[torque.idxmax()]
-        named = {"joint": most.joint, "unit": most.torque_unit}
-        text += sentence(about, "torque", torque=torque.max(), **named)
     yield answer(
         about,
         "motion",
-        text.rstrip(),
+        text,
         seconds=seconds,
         samples=samples,
         rates=" … ".join(rates),

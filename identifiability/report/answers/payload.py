@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Table
+from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
@@ -16,7 +16,7 @@ from identifiability.foundation.rounding import NONE, measured
 
 from .commands import diagnose_lines, name_logs
 from .common import AnsweringPresenter, Command, answer, command, sentence
-from .tables import make_table
+from .tables import make_table, span_cell
 
 if TYPE_CHECKING:
     from identifiability.workflows.payload import Load
@@ -66,14 +66,11 @@ class LoadPresenter(AnsweringPresenter):
         result = self.result
         part = "quantities" if result.known is None else "gains"
         shown = result.quantities if result.known is None else result.gains
-        rows = [
-            {
-                **asdict(found),
-                "stated": measured(found.value, found.sigma) if found.told else NONE,
-                "verdict": result[found.name].verdict,
-            }
-            for found in shown
-        ]
+        rows = []
+        for q in shown:
+            value = measured(q.value, q.sigma, q.unit) if q.told else NONE
+            word = result[q.name].verdict
+            rows.append((q.name, value, span_cell(q.low, q.high), Cell(word, word, q.why, word)))
         return (make_table("load", rows, caption=sentence("payload.tables", part)),)
 
     def frame(self) -> pd.DataFrame:

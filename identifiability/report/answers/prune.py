@@ -44,13 +44,12 @@ class LadderPresenter(LadderedPresenter):
             text = sentence(about, "because", why=result.nothing)
             return answer(about, "nothing", text, size=size)
         wrong = chosen.infeasible
-        size_used = len(chosen) - len(wrong)
         parts = [sentence(about, "impossible", names=wrong)] if wrong else []
         if len(chosen) == size:
             parts.append(sentence(about, "all"))
         text = " ".join((*parts, state_physics(result)))
         found = chosen.count(Class.IDENTIFIABLE)
-        counts: dict[str, Any] = {"size": size, "used": size_used, "found": found}
+        counts: dict[str, Any] = {"size": size, "used": len(chosen) - len(wrong), "found": found}
         return answer(about, "some", text, "green" if chosen.feasible else "amber", **counts)
 
     def notes(self) -> Iterator[Note]:

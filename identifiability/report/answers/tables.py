@@ -7,10 +7,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from identifiability.foundation.answers import Column, Look, Table
+from identifiability.foundation.answers import Cell, Column, Look, Table
 from identifiability.foundation.rounding import (
     digits,
     error_text,
+    format_number,
     percent,
     percent_text,
     probability_text,
@@ -62,6 +63,12 @@ def make_table(
     caption = known.get("caption", "").format(**holes)
     options = {key: known[key] for key in ("filter_by", "long", "always") if key in known}
     return Table.of(caption, [*columns, *more], rows, marked=marked, **options)
+
+
+def span_cell(low: float, high: float) -> Cell:
+    """Return a range as one cell, sorted by its upper end."""
+    ends = (format_number(x, 3, pad=True) for x in (low, high))
+    return Cell(" … ".join(ends), high)
 
 
 def make_column(
