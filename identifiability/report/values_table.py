@@ -51,7 +51,6 @@ class _ModelRows:
         each = zip(chosen.verdicts, chosen.recommended.tolist(), chosen.departures, strict=True)
         self.structure = result.structure
         self.known = {v.name: (v, used, why) for v, used, why in each}
-        self.stated = {n for n, x in result.robot.nominal.items() if x}
 
     def have(self, kind: str) -> bool:
         """Return whether the model, or the unpruned one, has parameters of a kind."""
@@ -72,7 +71,7 @@ class _ModelRows:
         notes = [verdict.word]
         if why:
             notes.append(sentence("values", "used", value=stated_text(used, sigma), why=why))
-        part = "file" if name in self.stated else "unstated"
+        part = "file" if verdict.nominal else "unstated"
         notes.append(sentence("values", part, value=stated_text(verdict.nominal, sigma)))
         value = measured(verdict.value, sigma, verdict.unit)
         return Cell(value, verdict.value, "; ".join(notes), verdict.look)

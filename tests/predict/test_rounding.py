@@ -12,7 +12,8 @@ def test_a_result_is_the_same_in_python_and_in_its_file(analysis, tmp_path):
     for row, verdict in zip(told["parameters"], analysis.chosen.verdicts, strict=True):
         assert values[row["name"]] == row["value"]
         assert row["value"] == verdict.value
-    assert frame["sigma"].tolist() == [row["sigma"] for row in told["parameters"]]
+    errors = [verdict.sigma_label for verdict in analysis.chosen.verdicts]
+    assert frame["standard_error"].tolist() == errors
 
 
 def test_a_fit_is_read_back_with_all_its_digits(analysis, tmp_path):

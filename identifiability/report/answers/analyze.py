@@ -67,7 +67,7 @@ FRAME = (
     "name",
     "unit",
     "value",
-    "sigma",
+    "standard_error",
     "lower",
     "upper",
     "used",
@@ -211,6 +211,7 @@ class LadderedPresenter(PredictingPresenter):
         shown = result.chosen if model is None else result.models[result.find_model(model)]
         frame = pd.DataFrame(shown.rows())
         frame[["lower", "upper"]] = [*frame["interval95"]]
+        frame["standard_error"] = [v.sigma_label for v in shown.verdicts]
         return by_name(frame if details else frame[[*FRAME]])
 
     def ladder_frame(self) -> pd.DataFrame:

@@ -132,7 +132,8 @@ def _answer_known(result: Load) -> Answer:
     """Return the number of identifiable quantities of the load."""
     about = "payload.known"
     unknown = [q.name for q in result.quantities if not q.told]
-    count, tone = len(result.quantities), "amber" if unknown else "green"
+    count = len(result.quantities)
+    tone = "amber" if unknown else "green"
     text = sentence(about, "lost", names=listing(unknown, count)) if unknown else ""
     return answer(about, "count", text, tone, found=count - len(unknown), count=count)
 

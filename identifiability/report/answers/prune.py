@@ -49,8 +49,9 @@ class LadderPresenter(LadderedPresenter):
             parts.append(sentence(about, "all"))
         text = " ".join((*parts, state_physics(result)))
         found = chosen.count(Class.IDENTIFIABLE)
-        counts: dict[str, Any] = {"size": size, "used": len(chosen) - len(wrong), "found": found}
-        return answer(about, "some", text, "green" if chosen.feasible else "amber", **counts)
+        used = len(chosen) - len(wrong)
+        tone = "green" if chosen.feasible else "amber"
+        return answer(about, "some", text, tone, size=size, used=used, found=found)
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and whether the choice is stable."""

@@ -452,9 +452,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def to_frame(self, model: str | None = None, *, details: bool = False) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one.
 
-        ``used`` is its value in predictions and files, `lower` and `upper` the ends of its
-        95 % interval. With `details` there are also the terms of its error, the paper's rule and
-        all other columns that JSON has.
+        ``used`` is its value in predictions and files, `lower` and `upper` are the ends of its
+        95 % interval, which ``standard_error`` belongs to. With `details` there are also the terms
+        of its error, the paper's rule and all other columns that JSON has.
 
         Raises
         ------
