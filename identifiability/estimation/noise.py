@@ -238,7 +238,8 @@ class RestrictedLikelihood:
         beside = beside - basis @ (basis.T @ beside)
         Z = np.concatenate([basis, *random], axis=1)
         # By a pivoted factor: singular values do not always converge.
-        rest = beside - Z @ scipy.linalg.lstsq(Z, beside, lapack_driver="gelsy")[0]
+        explained = scipy.linalg.lstsq(Z, beside, cond=THIN, lapack_driver="gelsy")[0]
+        rest = beside - Z @ explained
         widths = [basis.shape[1], *(x.shape[1] for x in random)]
         self.owner = np.repeat(np.arange(-1, len(random)), widths)
         self.lagged = LaggedProducts.of(np.column_stack([Z, beside]), runs)

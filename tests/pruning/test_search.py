@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability.estimation.noise import JointNoise, rich_noise
 from identifiability.workflows.prune.elimination import find_path, good_steps
@@ -41,6 +42,15 @@ def test_under_autocorrelated_noise_as_much_is_recovered_as_by_an_oracle_that_kn
     slack = 2 * np.sqrt(0.95 * 0.05 / problems)
     assert np.mean(oracle) >= 0.95 - slack
     assert np.mean(found) >= 0.95 * np.mean(oracle) - slack
+
+
+def test_noise_beside_functions_like_the_model_does_not_depend_on_rounding():
+    rng = default_rng(0)
+    X = rng.normal(size=(60, 9))
+    y = rng.normal(size=60).cumsum()
+    functions = (X * (1 + 1e-13 * rng.normal(size=X.shape)) for _ in range(3))
+    sizes = [rich_noise([X, Z], y, [(0, 60)]).sigma for Z in functions]
+    assert_allclose(sizes, sizes[0])
 
 
 def test_rows_as_measured_refute_a_noise_that_hides_what_the_torque_needs():
