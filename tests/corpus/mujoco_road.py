@@ -39,13 +39,13 @@ class MujocoRoad:
         Refuse a stated home position that does not close the loops.
     """
 
-    def __init__(self, path, *, strict=True):
+    def __init__(self, path):
         self.model = mujoco.MjModel.from_xml_path(str(path))
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         # Accelerations are given as they are, not as a time step would make them.
         self.model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
         self.data = mujoco.MjData(self.model)
-        self.strict = strict and self.model.nkey > 0
+        self.strict = self.model.nkey > 0
         off = self.model.opt.disableflags
         self.rubs = not off & (int(_BITS.mjDSBL_FRICTIONLOSS) | int(_BITS.mjDSBL_CONSTRAINT))
         self.closes = not off & (int(_BITS.mjDSBL_EQUALITY) | int(_BITS.mjDSBL_CONSTRAINT))

@@ -44,13 +44,13 @@ CHANGES = {"effects": ["payload", "coulomb_friction", "torque_offset"], "forward
 CHANGES |= {"quick": True}
 
 
-def gripped(log, since, mass=0.5, at=(0.1, 0.0, 0.05), name="two-link", body="link2"):
-    """A log with a mass [kg] at a point [m] of a body from a time on."""
-    robot = Robot.load(name)
-    effect = Model.of(f"payload@{body}")
+def gripped(log, since):
+    """A log with a mass of .5 kg in the hand from a time on."""
+    robot = Robot.load("two-link")
+    effect = Model.of("payload@link2")
     motion = prepare_log(robot, log, Preparation(decimate=1)).motion
     phi = np.zeros(10)
-    phi[:4] = mass, *(mass * np.array(at))
+    phi[:4] = 0.5, 0.05, 0.0, 0.025
     torque = effect.regressor(robot, motion) @ phi
     late = log.t >= log.t[0] + since
     own = np.stack([np.interp(log.t, motion.t, x) for x in torque.T], 1)

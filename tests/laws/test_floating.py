@@ -16,9 +16,9 @@ from identifiability.robot.floating import BASE_JOINTS, base_acceleration
 RIGID = Model.of("rigid_body")
 
 
-def limb(name, at, axes, foot=True, mass=1.0, inside=""):
+def limb(name, at, axes, mass=1.0):
     """A chain of bodies, one for each axis, with a foot at its end."""
-    text = inside or (f'<geom name="{name}_foot" size=".03" pos="0 .01 -.2" mass="0"/>' * foot)
+    text = f'<geom name="{name}_foot" size=".03" pos="0 .01 -.2" mass="0"/>'
     for k, axis in reversed(list(enumerate(axes))):
         place = at if k == 0 else "0 .02 -.2"
         text = (

@@ -32,7 +32,6 @@ def test_the_friction_of_the_pan_is_found_and_its_error_falls_on_the_other_half(
     assert [e for e in pan if e.unnamed or "friction" in e.title]
     before, after = d.gap.joint_rms()[0, [0, -1]]
     assert after < 0.75 * before
-    assert all("stood out from the fitted motion" in d.statement for _ in d.refuted)
 
 
 def test_half_a_log_alone_predicts_the_other_half_no_worse_than_analyze(robot, halves):

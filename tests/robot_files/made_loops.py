@@ -36,14 +36,14 @@ def two_rockers(length=0.4):
       </keyframe></mujoco>""".replace("{0}", "1.5707963267948966")
 
 
-def bennett(closure="hinge", short=0.4, twist=0.5):
+def bennett(closure="hinge"):
     """A Bennett linkage: four hinges in space that no general four hinges could be.
 
     Opposite links are equal and ``length / sin(twist)`` is that of both pairs [Bennett 1903]. Its
     last hinge is closed at two points of its line, or the link behind it is welded to the ground.
     """
-    a = short
-    alpha = twist
+    a = 0.4
+    alpha = 0.5
     beta = 0.9
     b = a * np.sin(beta) / np.sin(alpha)
     first = 1.1

@@ -14,31 +14,30 @@ def gather(W, tau, size=8, logs=(), columns=()):
     Blocks have `size` samples; `logs` are the numbers of samples of each log.
     """
     N, _, k = W.shape
-    names = tuple(columns) or tuple(f"p{j}" for j in range(k))
+    names = tuple(f"p{j}" for j in range(k))
     log = np.repeat(np.arange(len(logs) or 1), logs or (N,))
     return Information.of_rows(names, W, tau, log, size)
 
 
-def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=()):
+def fit_of(value, sigma, determined=None):
     """Return an estimate with these values and white-noise standard deviations."""
     value = np.asarray(value, float)
     sigma = np.asarray(sigma, float)
     k = len(value)
     known = np.ones(k, bool) if determined is None else np.asarray(determined, bool)
-    rss = np.asarray(rss, float)
     return Estimate(
-        columns=tuple(columns) or tuple(f"p{j}" for j in range(k)),
+        columns=tuple(f"p{j}" for j in range(k)),
         value=value,
         covariance=np.diag(np.where(known, sigma**2, np.inf)),
         determined=known,
         kept=tuple(np.flatnonzero(known).tolist()),
-        variance=rss / 100,
-        rss=rss,
-        rows=np.full(len(rss), (100 + known.sum()) / len(rss)),
+        variance=np.ones(1),
+        rss=np.full(1, 100.0),
+        rows=np.full(1, 100 + known.sum()),
         open=np.eye(k)[:, ~known],
         condition=1.0,
-        weights=np.asarray(weights, float),
-        times=np.ones(len(weights)),
+        weights=np.ones(1),
+        times=np.ones(1),
         estimator=Estimator(weighted=False),
     )
 

@@ -16,11 +16,11 @@ from identifiability.estimation.verdict import judge
 from .made import ar1, fit_known, fit_of, gather
 
 
-def assess(samples, columns=4, *, rho=0.0, actuators=2, size=1, replicates=100, seed=0):
+def assess(samples, columns=4, *, rho=0.0, size=1, replicates=100):
     """Return the estimate of a regression with noise of 1 %, and its uncertainty."""
-    rng = default_rng(seed)
-    W = rng.standard_normal((samples, actuators, columns))
-    noise = 0.01 * ar1(rng, rho, samples, actuators)
+    rng = default_rng(0)
+    W = rng.standard_normal((samples, 2, columns))
+    noise = 0.01 * ar1(rng, rho, samples, 2)
     tau = W @ np.arange(1.0, columns + 1) + noise
     information = gather(W, tau, size)
     fit = estimate(information)

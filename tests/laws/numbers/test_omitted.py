@@ -114,9 +114,9 @@ def test_the_largest_of_what_a_number_stands_for_is_named():
     assert found.stands_for[0] == f"body.Ixx + {coefficient:.2g}·body.m"
 
 
-def verdict_of(left, sigma=0.01):
-    fit = fit_of([1.0], [sigma])
-    scores = ScoreScatter(np.array([sigma]), 20, np.array([1e9]))
+def verdict_of(left):
+    fit = fit_of([1.0], [0.01])
+    scores = ScoreScatter(np.array([0.01]), 20, np.array([1e9]))
     found = fit_known(fit, scores, noise=100.0, left_out=left)
     told = ["p"], ["kg"], 1.0, ("",), np.zeros(1, bool), np.array([1.1])
     (verdict,) = judge(found, *told, Thresholds())
@@ -155,11 +155,11 @@ def quiet(motion, seed=0, size=1e-6):
     return size * default_rng(seed).standard_normal(motion.shape[:2])
 
 
-def known_by_logs(motion, submodel, theta, noise, nominal=FILE):
+def known_by_logs(motion, submodel, theta, noise):
     """Return what is left out where logs are asked too, and the fit."""
     every = gather(motion, motion @ theta + noise, columns=NAMES)
     fit, full = (find_estimator("ols").fit(i) for i in (submodel.reduce(every), every))
-    return find_left_out(structure_of(nominal), submodel, every, fit, full), fit
+    return find_left_out(structure_of(FILE), submodel, every, fit, full), fit
 
 
 @pytest.mark.parametrize("size", [1e-6, 0.3])

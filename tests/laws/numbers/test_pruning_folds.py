@@ -30,8 +30,8 @@ def matrix_of(partition):
     return np.stack([partition.group == g for g in partition.leaders], 1).astype(float)
 
 
-def folds_of(rows, logs=(), size=8):
-    information = gather(*rows, size=size, logs=logs)
+def folds_of(rows):
+    information = gather(*rows, size=8, logs=())
     full = estimate(information, "ols")
     full = replace(full, weights=WEIGHTS, variance=1.0 / WEIGHTS, times=np.ones(2))
     return whiten_regression(information, full)
