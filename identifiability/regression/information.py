@@ -524,35 +524,39 @@ class Information:
 
     def _factor(self, weights: Array) -> Array:
         """Return a factor of weighted rows and the prior."""
-        every = zip(np.sqrt(weights), self._roots, strict=True)
-        rows = [(weight * root, columns) for weight, (root, columns) in every]
-        if self.prior is not None:
-            rows.append((self.prior, np.arange(self.size + 1)))
+        roots = np.append(np.sqrt(weights), 1.0)
         R = np.zeros((self.size + 1, self.size + 1))
-        corners = [own[~own[:, :-1].any(1), -1] for own, _ in rows]
-        for chain in self.chains:
-            at = np.append(chain, self.size)
-            place = np.full(self.size, -1)
-            place[chain] = np.arange(len(chain))
-            stacked = []
-            for own, columns in rows:
-                found = place[columns[:-1]]
-                acts = np.flatnonzero(found >= 0)
-                of_chain = own[own[:, acts].any(1)]
-                placed = np.zeros((len(of_chain), len(at)))
-                placed[:, found[acts]] = of_chain[:, acts]
-                placed[:, -1] = of_chain[:, -1]
-                stacked.append(placed)
-            factor = triangular_factor(np.vstack([*stacked, np.zeros((len(at), len(at)))]))
-            R[np.ix_(chain, at)] = factor[:-1]
-            corners.append(factor[-1, -1:])
-        R[-1, -1] = np.linalg.norm(np.concatenate(corners))
+        corners = []
+        for at, rows, owner in self._rows:
+            weighted = roots[owner, None] * rows
+            factor = triangular_factor(np.vstack([weighted, np.zeros((len(at), len(at)))]))
+            R[np.ix_(at[:-1], at)] = factor[:-1]
+            corners.append(factor[-1, -1])
+        R[-1, -1] = np.linalg.norm(corners)
         return R
 
     @cached_property
-    def _roots(self) -> list[tuple[Array, np.ndarray]]:
-        """A factor of each actuator's ``[W τ]``, and which columns these are, the torque last."""
-        return [(part.root @ own, columns) for part, own, columns in self._seen]
+    def _rows(self) -> list[tuple[np.ndarray, Array, np.ndarray]]:
+        """Columns of each chain and the torque, rows of their factors, and whose these are.
+
+        The prior's rows come after those of all actuators; last are rows of the torque alone.
+        """
+        roots = [part.root @ own for part, own, _ in self._seen]
+        places = [columns for *_, columns in self._seen]
+        if self.prior is not None:
+            roots.append(self.prior)
+            places.append(np.arange(self.size + 1))
+        owner = np.repeat(np.arange(len(roots)), list(map(len, roots)))
+        every = np.zeros((len(owner), self.size + 1))
+        for k, (root, columns) in enumerate(zip(roots, places, strict=True)):
+            every[np.ix_(owner == k, columns)] = root
+        found = []
+        for chain in self.chains:
+            at = np.append(chain, self.size)
+            own = every[:, chain].any(1)
+            found.append((at, every[np.ix_(own, at)], owner[own]))
+        alone = ~every[:, :-1].any(1)
+        return [*found, (np.array([self.size]), every[alone, -1:], owner[alone])]
 
     @cached_property
     def chains(self) -> list[np.ndarray]:
