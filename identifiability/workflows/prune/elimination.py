@@ -158,13 +158,15 @@ class Refits:
         """``y - centre`` of the fit of all columns to everything, (k,)."""
         return Normal.ridged(self.grams[0], self.right[0]).value
 
-    def along(self, turn: Array, free: np.ndarray) -> Array:
+    def along(self, turn: Array, turned: Array, free: np.ndarray) -> Array:
         """Return ``y - centre`` of each fit of M nested models, (M, F + 1, k).
 
         Parameters
         ----------
         turn : (k, k)
             Orthonormal; its first columns span the free space of a model.
+        turned : (F + 1, k, k)
+            The products in these directions.
         free : (M,) int
             How many.
         """
@@ -172,8 +174,7 @@ class Refits:
         out = np.empty((len(free), *self.right.shape))
         inside = np.arange(k)[:, None] < free
         c = turn.T @ self.centre
-        for f, (gram, right) in enumerate(zip(self.grams, self.right, strict=True)):
-            A = turn.T @ gram @ turn
+        for f, (A, right) in enumerate(zip(turned, self.right, strict=True)):
             b = turn.T @ right
             fit = Normal.ridged(A, b)
             moved = np.where(inside, 0.0, -c[:, None])
@@ -233,13 +234,14 @@ class WhitenedRegression:
         partitions = [partition for _, partition in path]
         turn = self._turn(partitions)
         free = np.array(list(map(len, partitions)))
-        delta = self.refits.along(turn, free)
+        turned = turn.T @ self.refits.grams @ turn
+        delta = self.refits.along(turn, turned, free)
         values = (self.refits.centre + delta) @ self.inverse.T
         ones = np.ones((len(free), self.folds.count, 1))
         left = np.concatenate([-delta[:, 1:], ones], 2)
         squares = self.tests.squares_of_blocks(left)
         about = (self.variation, self.folds.ratio)
-        density = self._densities(left, turn, free)
+        density = self._densities(left, turn, turned[1:] / self.unit, free)
         found = []
         for (move, partition), each, own, x in zip(path, density, squares, values, strict=True):
             score = Score(each, own, *about)
@@ -255,7 +257,7 @@ class WhitenedRegression:
         Q, _ = np.linalg.qr(fixed.T, mode="complete")
         return Q[:, ::-1]
 
-    def _densities(self, left: Array, turn: Array, free: np.ndarray) -> Array:
+    def _densities(self, left: Array, turn: Array, precision: Array, free: np.ndarray) -> Array:
         """Return the predictive log densities of folds under nested models, (M, F) [nats].
 
         As of `evidence.HeldOut`; the leading parts of one factor belong to all of them.
@@ -264,11 +266,14 @@ class WhitenedRegression:
         ----------
         left : (M, F, k + 1)
             ``[y torque] left`` is the residual of each model in each fold.
+        turn : (k, k)
+        precision : (F, k, k)
+            Of each rest's fit in the directions of `turn`.
+        free : (M,) int
         """
         k = len(turn)
         found = np.empty(left.shape[:2])
         none = np.zeros(k)
-        precision = turn.T @ self.refits.grams[1:] @ turn / self.unit
         for f, (gram, P) in enumerate(zip(self.gram, precision, strict=True)):
             before = Normal.ridged(P, none)
             told = turn.T @ gram[:k, :k] @ turn
