@@ -38,6 +38,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.tables import write_table
+from identifiability.physical.cad_prior import find_rises
 from identifiability.physical.fitted_model import LeastSquares
 from identifiability.quality.recordings import LogLike, Logs, Recordings, in_memory, read_recordings
 from identifiability.reading import CarriedReading, ReadingEntry
@@ -360,6 +361,8 @@ class Fit(Keyed, Predicts):
         Functions of a joint's motion or load that the model lacks, by the result.
     sides : (tuple of str, tuple of str)
         Paths of the fitted and of the held-out logs; empty where they are not known.
+    worse : bool
+        Whether an exported file errs more than the robot's file.
     alternatives : (2, b)
         Change of the base parameters by missing functions, and its standard deviation.
     servo : mapping of str to (float, float)
@@ -381,6 +384,7 @@ class Fit(Keyed, Predicts):
     origin: str = "result.json"
     missing: tuple[str, ...] = ()
     sides: tuple[Strings, Strings] = ((), ())
+    worse: bool = False
     alternatives: Array | float = 0.0
     servo: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     reading: CarriedReading | None = None
@@ -760,7 +764,8 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         raise IdentifiabilityError(Finding("result.tables", path)) from None
     hints = note_change(path, content.robot, robot)
     fit = replace(fit, origin=str(path), missing=content.missing, sides=content.errors.sides)
-    return replace(fit, reading=carried, hints=hints)
+    worse = bool(find_rises(vars(content.physical), "mjcf"))
+    return replace(fit, worse=worse, reading=carried, hints=hints)
 
 
 def note_change(result: object, made: RobotEntry | Robot, robot: Robot) -> tuple[Finding, ...]:

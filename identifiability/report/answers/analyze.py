@@ -129,9 +129,17 @@ class LadderedPresenter(PredictingPresenter):
             export = partial(commands.export_line, result.robot)
             line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
             out.append(command("export", line))
-        return _order_commands(
+        found = _order_commands(
             result, out, f"{find} --out model.toml --report missing.html", ladder
         )
+        if found:
+            return found
+        # No robot file of this model errs less than the robot's own.
+        paths = given_paths(result.validation or result.samples)
+        along = commands.name_logs(result.robot, paths)
+        use = partial("predict {0} {2} {1} --out torque.csv".format, self.robot, along)
+        line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", use)
+        return [command("predict", line)]
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""

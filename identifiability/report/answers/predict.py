@@ -71,7 +71,8 @@ class TorquePredictionPresenter(PredictingPresenter):
         if _find_few(result) and result.fit.sides[0]:
             paths = result.fit.sides[0][0], *measured
             return [command("compare", compare_line(result.robot, paths, None)), *missing, *table]
-        return [*missing, *table, command("export", export_line(result.robot, given))]
+        export = [] if result.fit.worse else [export_line(result.robot, given)]
+        return [*missing, *table, *(command("export", line) for line in export)]
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
