@@ -112,7 +112,7 @@ def make(verb):
     if verb == "excite":
         return json_of(excite(robot, evaluations=200, samples=200, seed=seed))
     if verb == "diagnose":
-        logs = logs_of(robot, hide=["joint_stiffness=0.1"])
+        logs = logs_of(robot, hide=["joint_stiffness=0.12"])
         return json_of(diagnose(robot, logs[:1], logs[1:], quick=True))
     fitted, unseen = logs_of(robot, seed=seed)
     if verb == "prune":
