@@ -124,7 +124,7 @@ class ReadingSearch:
 
     def choose(self) -> Reading | None:
         """Return the reading that is used, else the likeliest one as a question, else None."""
-        judged = self.judge([self.refine(reading) for reading in self.screen()])
+        judged = self.judge([*self.refine_screened()])
         verified = (replace(reading, verification=self.verify(reading)) for reading in judged)
         readings = list[Reading]()
         for reading in verified:
@@ -293,6 +293,17 @@ class ReadingSearch:
         yield from (reading for size, reading in screened[:JUDGED] if size < OPEN)
 
     # Step 2: the numbers of a reading.
+
+    def refine_screened(self) -> Iterator[Reading]:
+        """Yield the screened readings with their numbers, where these have a best value.
+
+        The error of a wrong model may fall with the factor of one joint, without end.
+        """
+        for reading in self.screen():
+            tuned = self.refine(reading)
+            step = (tuned.factor / reading.factor)[tuned.rescaled]
+            if step.size != 1 or BETWEEN[1] < step.item() < BETWEEN[-2]:
+                yield tuned
 
     def refine(self, reading: Reading) -> Reading:
         """Return a reading with the delay, unit or direction that fits best, described."""

@@ -12,7 +12,10 @@ from foreign.case import Case, Writer, csv, joints, scaled
 from identifiability.effects.nominal import gravity_torque
 from identifiability.robot import Robot, complete_motion
 
-LIGHT, WRONG = ("compensated for gravity",), ("wrong sign", "wrong way")
+LIGHT, WRONG = (
+    ("compensated for gravity", "gravity (its direction, a compensation)"),
+    ("wrong sign", "wrong way"),
+)
 ROBOTS = ("six-dof-arm", "two-link", "3-rps")
 
 

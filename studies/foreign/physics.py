@@ -18,7 +18,11 @@ RATED = (300.0, 300.0, 150.0, 30.0, 25.0, 15.0)
 #: Ratios of gears.
 GEARS = (160.0, 160.0, 120.0, 100.0, 80.0, 50.0)
 
-UNIT = ("torque that the robot file predicts", "a wrong scale of the torque")
+UNIT = (
+    "torque that the robot file predicts",
+    "a wrong scale of the torque",
+    "fits better in another unit",
+)
 
 
 def every(kind: str, factor: object, only: str = "") -> Writer:
@@ -155,7 +159,7 @@ ANGLES = [
         "a zero that is 90° off",
         "angles",
         column("joint_2.q", lambda x, _: x + np.pi / 2),
-        ("Check the zero", "a wrong zero of an encoder in joint_2"),
+        ("state zero and unit", "a wrong zero of an encoder in joint_2"),
     ),
 ]
 
@@ -260,7 +264,7 @@ TORQUE = [
                 **{f"{j}.tau": 0.2 + 0.01 * rng.normal(size=len(f)) for j in joints(f)}
             )
         ),
-        ("weight", "torque that the robot file predicts"),
+        ("masses disagree with the file's",),
         "3-rps",
     ),
 ]

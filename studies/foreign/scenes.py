@@ -89,7 +89,7 @@ SCENES = [
     _case("qpos behind a cup", table(lambda f: arrays(f, 7)), "numbers its joints differently",
           scene=beside(CUP)),
     _case("torque before the gears of the file", table(lambda f: f.assign(
-        **{"shoulder.tau": f["shoulder.tau"] / 2})), "states a gear of 2",
+        **{"shoulder.tau": f["shoulder.tau"] / 2})), "a wrong scale of the torque",
           scene=lambda s: s.replace('joint="shoulder"/>', 'joint="shoulder" gear="2"/>')),
     _case("before the gears of the file, and said", table(lambda f: f.assign(
         **{"shoulder.tau": f["shoulder.tau"] / 2})), sidecar='[torque]\nside = "motor"',
