@@ -33,7 +33,7 @@ paper: $(VENV)/run
 
 # TOOL names a tool, or is the path of an adapter; without it all tools run.
 exam: $(VENV)/dev
-	$(BIN)/python studies exam $(if $(TOOL),--tool $(TOOL))
+	$(BIN)/python studies/public_exam.py $(if $(TOOL),--tool $(TOOL))
 
 test: $(VENV)/dev
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -q $(PYTEST)
