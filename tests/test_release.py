@@ -1,6 +1,8 @@
 """What an index and a citation show agrees with the package."""
 
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -40,6 +42,12 @@ def test_the_changelog_is_one_page_on_this_version_and_names_every_command():
     told = text.partition("**Commands**")[2].partition("**Answers**")[0].partition("\n")[2]
     named = set(re.findall(r"`([a-z]+)`", told))
     assert named == set(get_command(app).commands)
+
+
+def test_make_exam_gives_its_script_an_option_that_it_knows():
+    script, option = re.search(r"(studies\S*) .*,(--\w+)", (ROOT / "Makefile").read_text()).groups()
+    words = [sys.executable, ROOT / script, "--help"]
+    assert option in subprocess.run(words, capture_output=True, text=True, check=True).stdout
 
 
 def test_sentences_on_extras_name_an_extra_of_a_checkout():
