@@ -53,6 +53,10 @@ import servo_robots as servos  # noqa: E402
 
 from .made_servos import TRUTH, load_arm  # noqa: E402
 
+SLIDE = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"
+damping="60" frictionloss="25" armature="25"/><inertial mass="150" pos="0 0 0"
+diaginertia="1 1 1"/></body></worldbody></mujoco>"""
+
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
@@ -295,6 +299,20 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
     assert np.sqrt(np.mean((unseen - logs[1].q[50:]) ** 2)) < step  # of the encoders
     told = "commands act 7.8 ms (a), 7.9 ms (b) after their rows"
     assert state_delay([0.0078, 0.0079], "ab") == told
+
+
+def test_a_delay_of_less_than_half_a_row_is_no_damping_of_a_stiff_drive(tmp_path):
+    (tmp_path / "slide.xml").write_text(SLIDE)
+    (tmp_path / "slide.toml").write_text("[servo]\nkp = 400000\nkv = 15000\n")
+    slide = Robot.load(tmp_path / "slide.xml")
+    true = {"x.Ia": 25.0, "x.Fv": 160.0, "x.Fc": 25.0, "x.off": 0.0}
+    how = servos.Recorder(rate=100.0, command_rate=100.0, delay=0.004, bits=22)
+    rng = default_rng(5)
+    moves = servos.draw_commands(slide, 12.0, how.command_rate, 0.3, rng)
+    log = read(slide, servos.record(slide, true, moves, 12.0, how, rng))
+    found = fit_rollouts(slide, [log], {})
+    assert_allclose(found.delays, how.delay, atol=5e-4)
+    assert_allclose(found.numbers["Fv"], true["x.Fv"], atol=150.0)
 
 
 # From a log to verdicts and a robot that moves as the log does.

@@ -32,6 +32,9 @@ PROMISED: Tolerance = 0.02
 #: Most steps with one derivative.
 RENEWED = 4
 
+#: Delays by which commands are moved along a valley, as shares of a sampling step.
+SHIFTS = np.linspace(-0.3, 0.3, 11)
+
 
 class SearchEnd(NamedTuple):
     """Where a search ended.
@@ -113,6 +116,56 @@ def descend(
         else:
             damping *= 10
     return SearchEnd(x, q, weights[:, None] * J, promised)
+
+
+def follow_valley(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
+    """Return where the first search ends if it also follows the valley of later commands.
+
+    Commands that act later look like less damping and another rotor. This valley is long, narrow
+    and curved, so that steps along its tangent end early.
+
+    Parameters
+    ----------
+    problem : RolloutProblem
+    end : SearchEnd
+        Of this search.
+    """
+    if not problem.varied[problem.delays].any():
+        return end
+    for _ in range(RENEWED):
+        weights = problem.weights(end.q)
+        least = np.sum((weights * problem.residual(end.q, end.x)) ** 2) - ENOUGH
+        best = None
+        for later in problem.dt * SHIFTS:
+            x = shift_commands(problem, end.x, later)
+            q = problem.roll([x])[0]
+            squares = np.sum((weights * problem.residual(q, x)) ** 2)
+            if squares < least:
+                least = squares
+                best = x
+        if best is None:
+            break
+        end = descend(problem, best, BEGUN)
+    return end
+
+
+def shift_commands(problem: RolloutProblem, x: Array, later: float) -> Array:
+    """Return a vector of later commands [s] with nearly the same motion.
+
+    Less damping and another rotor replace the change of torque to second order.
+    """
+    numbers, _ = problem.unpack(x)
+    kp = numbers["kp"]
+    damping = numbers["kv"] + numbers["Fv"]
+    rotor = numbers["Ia"] - damping * later + 0.5 * kp * later**2
+    shifted = {
+        **numbers,
+        "Fv": np.maximum(numbers["Fv"] - kp * later, 0.0),
+        "Ia": np.maximum(rotor, 0.0),
+    }
+    moved = problem.replace_numbers(x, shifted, np.full(len(kp), True))
+    moved[problem.delays] = np.maximum(moved[problem.delays] + later, -problem.dt)
+    return moved
 
 
 def damped_step(

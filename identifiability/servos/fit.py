@@ -19,7 +19,7 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import CommandedRobot
 
-from .descent import BEGUN, SearchEnd, conclude, descend
+from .descent import BEGUN, SearchEnd, conclude, descend, follow_valley
 from .first_answer import FirstAnswer
 from .problem import RolloutProblem
 from .rollouts import KINDS, Rollouts, are_contradicted
@@ -80,6 +80,7 @@ def fit_rollouts(
         old = problem.missed(end.q)[lost].sum()
         better = new < old
         end = again if better else end
+    end = follow_valley(problem, end)
     if first is not None and len(windows) > len(logs):
         first(answer_first(robot, logs, problem, end))
     if not are_contradicted(problem.missed(end.q)):
