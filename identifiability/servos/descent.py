@@ -13,7 +13,7 @@ from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 
-from .problem import RolloutProblem
+from .problem import VARIED, RolloutProblem
 from .rollouts import Rollouts
 
 #: Stretches of time of a rollout that are left out in turn [s].
@@ -134,19 +134,38 @@ def follow_valley(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
         return end
     for _ in range(RENEWED):
         weights = problem.weights(end.q)
-        least = np.sum((weights * problem.residual(end.q, end.x)) ** 2) - ENOUGH
-        best = None
-        for later in problem.dt * SHIFTS:
-            x = shift_commands(problem, end.x, later)
-            q = problem.roll([x])[0]
-            squares = np.sum((weights * problem.residual(q, x)) ** 2)
-            if squares < least:
-                least = squares
-                best = x
-        if best is None:
+        moved = descend(problem, _best_shift(problem, end, weights), BEGUN)
+        before = weights * problem.residual(end.q, end.x)
+        after = weights * problem.residual(moved.q, moved.x)
+        if before @ before - after @ after <= ENOUGH:
             break
-        end = descend(problem, best, BEGUN)
+        end = moved
     return end
+
+
+def _best_shift(problem: RolloutProblem, end: SearchEnd, weights: Array) -> Array:
+    """Return the vector of the shift that promises most if the other numbers then make a step.
+
+    Parameters
+    ----------
+    problem : RolloutProblem
+    end : SearchEnd
+    weights : (r,)
+        Of the residual.
+    """
+    varied = problem.varied
+    problem.varied = varied.copy()
+    problem.varied[problem.delays] = False
+    squares = []
+    xs = []
+    for later in problem.dt * SHIFTS:
+        x = shift_commands(problem, end.x, later)
+        residual = weights * problem.residual(problem.roll([x])[0], x)
+        step, promised = damped_step(problem, x, end.J, residual, VARIED)
+        squares.append(residual @ residual - promised)
+        xs.append(x + step)
+    problem.varied = varied
+    return xs[int(np.argmin(squares))]
 
 
 def shift_commands(problem: RolloutProblem, x: Array, later: float) -> Array:
