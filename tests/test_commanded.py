@@ -290,7 +290,6 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
         assert_allclose(found.numbers[kind], true, atol=near * np.abs(true).max())
     file = CommandedRobot(arm, {}).roll(logs[0]) - logs[0].q
     assert np.all(found.errors < 0.05 * np.sqrt(np.mean(file**2, axis=0)))
-    assert fit_rollouts(arm, logs[:1], {}, 0.007).delay_errors == 0
     unseen = roll_delayed(CommandedRobot(arm, found.parameters), logs[1])[1][50:]
     step = 2 * np.pi / 2**14
     assert np.sqrt(np.mean((unseen - logs[1].q[50:]) ** 2)) < step  # of the encoders
@@ -335,7 +334,6 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     assert_allclose(found.totals, predict(arm, path, frames[1], forward=True).totals)
     assert found.totals[1] < 0.2 * found.totals[0]
     assert f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad" in result.answers()[1].short
-    assert list(found.to_frame()["joint"]) == list(arm.joints)
     told = json.loads(found.to_json(tmp_path / "rollout.json").read_text())
     assert told["schema"] == "identifiability/rollout/1"
     assert found.write_report(tmp_path / "rollout.html").stat().st_size > 10_000
@@ -536,12 +534,11 @@ def test_gains_are_found_on_the_fitted_logs_alone(unstated, frames):
 def test_progress_of_rollouts_moves_forward(unstated, arm, frames):
     shares = []
     log = read(arm, frames[1])
-    said = fit_rollouts(unstated, [log], {}, 0.007, lambda text, share: shares.append(share))
+    fit_rollouts(unstated, [log], {}, 0.007, lambda text, share: shares.append(share))
     assert len(set(shares)) > 2
     assert shares == sorted(shares)
     assert shares[0] == 0.05
     assert shares[-1] < 0.6
-    assert len(said.delays) == 1
 
 
 def test_a_first_answer_stays_if_the_user_stops_the_whole_one(
