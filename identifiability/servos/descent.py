@@ -34,6 +34,8 @@ RENEWED = 4
 
 #: Delays by which commands are moved along a valley, as shares of a sampling step.
 SHIFTS = np.linspace(-0.3, 0.3, 11)
+#: Share of the weighted squares below which a shift is worth a search.
+VALLEY: Tolerance = 0.9
 
 
 class SearchEnd(NamedTuple):
@@ -134,8 +136,11 @@ def follow_valley(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
         return end
     for _ in range(RENEWED):
         weights = problem.weights(end.q)
-        moved = descend(problem, _best_shift(problem, end, weights), BEGUN)
         before = weights * problem.residual(end.q, end.x)
+        x, squares = _best_shift(problem, end, weights)
+        if squares > VALLEY * (before @ before):
+            break
+        moved = descend(problem, x, BEGUN)
         after = weights * problem.residual(moved.q, moved.x)
         if before @ before - after @ after <= ENOUGH:
             break
@@ -143,8 +148,10 @@ def follow_valley(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     return end
 
 
-def _best_shift(problem: RolloutProblem, end: SearchEnd, weights: Array) -> Array:
-    """Return the vector of the shift that promises most if the other numbers then make a step.
+def _best_shift(problem: RolloutProblem, end: SearchEnd, weights: Array) -> tuple[Array, float]:
+    """Return the vector of the most promising shift, and its weighted squares.
+
+    The other numbers make a step after the shift.
 
     Parameters
     ----------
@@ -165,7 +172,8 @@ def _best_shift(problem: RolloutProblem, end: SearchEnd, weights: Array) -> Arra
         squares.append(residual @ residual - promised)
         xs.append(x + step)
     problem.varied = varied
-    return xs[int(np.argmin(squares))]
+    best = int(np.argmin(squares))
+    return xs[best], squares[best]
 
 
 def shift_commands(problem: RolloutProblem, x: Array, later: float) -> Array:

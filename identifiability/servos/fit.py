@@ -80,9 +80,9 @@ def fit_rollouts(
         old = problem.missed(end.q)[lost].sum()
         better = new < old
         end = again if better else end
-    end = follow_valley(problem, end)
     if first is not None and len(windows) > len(logs):
         first(answer_first(robot, logs, problem, end))
+    end = follow_valley(problem, end)
     if not are_contradicted(problem.missed(end.q)):
         problem.windows = windows
         problem.varied[problem.bodies] = True
