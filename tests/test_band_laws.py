@@ -79,7 +79,7 @@ def test_twice_as_long_logs_have_smaller_errors_that_hold(make_logs):
             analyze(ROBOT, x, "none", replicates=0).to_frame()
             for x in (log.rows(0, 1500, "half"), log)
         )
-        ratios += list((long.sigma / short.sigma).dropna())
+        ratios += list((long.standard_error / short.standard_error).dropna())
         for rows in (short, long):
             held += list(rows.nominal.between(rows.lower, rows.upper))
     assert np.median(ratios) <= 0.8

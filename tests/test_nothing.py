@@ -46,7 +46,6 @@ def arm(simulated):
 
 
 def words(result, path):
-    """Return what a page says, without marks."""
     text = result.write_report(path).read_text(encoding="utf-8")
     text = re.sub(r"<(script|style)\b.*?</\1>", " ", text, flags=re.DOTALL)
     return re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]+>", " ", text)))

@@ -213,9 +213,10 @@ class Projected:
     @property
     def moved(self) -> np.ndarray:
         """Return which columns each chain moves, (chains, m) bool."""
-        every = np.arange(self.size)
-        moves = [np.isin(every, acts) for _, acts, _ in self.parts]
-        return np.reshape(moves, (-1, self.size)).astype(bool)
+        out = np.zeros((len(self.parts), self.size), bool)
+        for own, (_, acts, _) in zip(out, self.parts, strict=True):
+            own[acts] = True
+        return out
 
     def times(self, half: Array) -> Array:
         """Return the products of the parts with a vector of the solution's columns, (m,)."""

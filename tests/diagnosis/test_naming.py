@@ -142,14 +142,14 @@ def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tm
     assert "Effects that may also be present" in page
 
 
-def paper_logs(rps, parameters=None, excess=0.0, seed=1):
+def paper_logs(rps, excess=0.0):
     rng = default_rng(3)
     motions = [shipped_trajectory(rps, k) for k in ("571", "595")]
     motions += [random_trajectory(rps, rng)]
-    c = Campaign.of(rps, motions, parameters)
+    c = Campaign.of(rps, motions)
     added = excess * np.exp(-np.abs(c.move.dq) / 0.08) * np.sign(c.move.dq)
     noise = Noise(additive=0.012, correlation=0.9, encoder=1e-6)
-    return c.logs(added, noise, default_rng([seed, 5]))
+    return c.logs(added, noise, default_rng([1, 5]))
 
 
 @pytest.mark.everything

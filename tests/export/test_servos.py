@@ -155,7 +155,7 @@ def test_what_logs_determine_hardly_varies_and_what_they_leave_open_does(made):
         assert table[idle].std() == pytest.approx(share * robot.nominal[idle], rel=0.3)
 
 
-def joint_share(fit, structure, count, rng, size=256):
+def joint_share(fit, structure, count, rng):
     """Return how often true base parameters are in the joint 95 % set of draws."""
     region = physical_set(structure)
     nominal = structure.nominal
@@ -171,7 +171,7 @@ def joint_share(fit, structure, count, rng, size=256):
         assert region.contains(phi[None])[0]
         base = structure.G @ phi + root @ rng.standard_normal(len(root))
         own = replace(fit, values=np.linalg.pinv(fit.submodel.M) @ (base - fit.submodel.fixed))
-        drawn = draw_robots(structure.robot, own, size, seed=k, prior=0.2).values @ structure.G.T
+        drawn = draw_robots(structure.robot, own, 256, seed=k, prior=0.2).values @ structure.G.T
         turn = np.linalg.inv(np.linalg.cholesky(np.cov(drawn.T)))
         far = ((drawn - drawn.mean(0)) @ turn.T) ** 2
         true = (turn @ (structure.G @ phi - drawn.mean(0))) ** 2

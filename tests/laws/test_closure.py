@@ -18,8 +18,8 @@ def closed(request):
     return Robot.load(request.param)
 
 
-def motion_of(robot, t, seed=2):
-    return complete_motion(robot, t, *random_trajectory(robot, default_rng(seed)).motion(t))
+def motion_of(robot, t):
+    return complete_motion(robot, t, *random_trajectory(robot, default_rng(2)).motion(t))
 
 
 def test_every_loop_closes_along_a_motion(closed):

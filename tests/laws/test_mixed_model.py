@@ -40,11 +40,11 @@ def noise_of(pacf, sigma):
 NOISE = noise_of(PACF, SIGMA)
 
 
-def draw_rows(seed, rows=N):
+def draw_rows(seed):
     rng = default_rng(seed)
-    Z = rng.standard_normal((rows, 2, FIXED + RANDOM))
+    Z = rng.standard_normal((N, 2, FIXED + RANDOM))
     Z[:, 0, -1] = 0.0  # a column that acts in one joint alone
-    return Z, rng.standard_normal((rows, 2))
+    return Z, rng.standard_normal((N, 2))
 
 
 def products_of(Z, y, runs=RUNS, edges=(0, 23, N)):

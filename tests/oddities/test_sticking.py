@@ -18,10 +18,10 @@ INERTIA, MX, MZ, VISCOUS, DRY = 0.2 + 0.03 + 2 * (0.3**2 + 0.02**2), 0.6, 0.04, 
 STEP, EVERY, ENCODER = 1e-3, 10, 2 * np.pi / 2**17
 
 
-def sticking_log(seed, seconds=10.0):
+def sticking_log(seed):
     """Return a log at 100 Hz of a link under a controller: dry friction holds what it can."""
     rng = np.random.default_rng(seed)
-    t = np.arange(0.0, seconds + 1, STEP)
+    t = np.arange(0.0, 11.0, STEP)
     waves = np.sin(2 * np.pi * np.array([0.2, 0.35, 0.5]) * t[:, None] + rng.uniform(0, 6.28, 3))
     wanted = waves @ rng.uniform(0.2, 0.5, 3)
     speed = np.gradient(wanted, STEP)

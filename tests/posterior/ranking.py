@@ -23,15 +23,11 @@ from identifiability.posterior.target import Prior, Target
 NOISE_DOF = 10.0
 
 
-def calibrate_posterior(
-    target,
-    start,
-    rng,
-    *,
-    replicates=1000,
-    draws=31,
-    bins=8,
-):
+#: Draws of each posterior, in whose ranks 8 bins are counted.
+DRAWS = 31
+
+
+def calibrate_posterior(target, start, rng, replicates=1000):
     """Rank true parameters among draws of their posterior, over replicates of the experiment.
 
     Parameters
@@ -41,9 +37,7 @@ def calibrate_posterior(
     start : (p,)
         Any point inside the physical set.
     rng : numpy.random.Generator
-    replicates, draws : int
-    bins : int
-        A divisor of ``draws + 1``.
+    replicates : int
 
     Returns
     -------
@@ -57,13 +51,13 @@ def calibrate_posterior(
         own = replace(sampler, model=_observe(sampler, target, truth, rng))
         value = target.to_phi(truth)
         below = np.zeros(value.shape, np.int64)
-        place = rng.integers(0, draws + 1, replicates)
-        for wanted in (place, draws - place):
+        place = rng.integers(0, DRAWS + 1, replicates)
+        for wanted in (place, DRAWS - place):
             eta = truth
-            for i in range(draws):
+            for i in range(DRAWS):
                 eta = own.step(eta, rng)
                 below += (target.to_phi(eta) < value) & (i < wanted)[:, None]
-    counts = [np.histogram(ranks, bins, (0, draws + 1))[0] for ranks in below.T]
+    counts = [np.histogram(ranks, 8, (0, DRAWS + 1))[0] for ranks in below.T]
     return np.asarray(scipy.stats.chisquare(counts, axis=1).pvalue)
 
 

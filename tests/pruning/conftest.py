@@ -16,7 +16,7 @@ def gather(W, tau, blocks=256, log=None):
     return Information.of_rows([f"p{j}" for j in range(k)], W, tau, log, -(-N // blocks))
 
 
-def plant(rng, rho=0.0, precision=10.0, samples=1000):
+def plant(rng, rho=0.0, precision=10.0):
     """Return 20 correlated columns (N, n, k), torque (N, n), and the names of the 7 that act.
 
     `precision` is the smallest |φ|/σ of a true parameter if the noise were white and the other
@@ -24,12 +24,12 @@ def plant(rng, rho=0.0, precision=10.0, samples=1000):
     """
     n = 2
     k = 20
-    columns = ar1((samples, n * k), 0.95, rng).reshape(samples, n, k)
+    columns = ar1((1000, n * k), 0.95, rng).reshape(1000, n, k)
     W = columns @ np.linalg.cholesky(0.5 * np.eye(k) + 0.5).T
     true = rng.choice(k, 7, replace=False)
     phi = np.zeros(k)
     phi[true] = rng.choice([-1, 1], 7) * rng.uniform(1, 3, 7)
-    noise = ar1((samples, n), rho, rng) * np.sqrt(samples * n) / precision
+    noise = ar1((1000, n), rho, rng) * np.sqrt(1000 * n) / precision
     return W, W @ phi + noise, {f"p{j}" for j in true}
 
 

@@ -5,13 +5,13 @@ import numpy as np
 BAR = '<inertial mass="{}" pos="{} 0 0.01" fullinertia="0.02 0.05 0.06 0.002 0.001 -0.003"/>'
 
 
-def turntable(closure='<connect site1="toe" site2="ground"/>', base="", axis="0 -1 0"):
+def turntable(closure='<connect site1="toe" site2="ground"/>', base=""):
     """A parallelogram in a plane that a turntable turns; the crank stands on the turntable."""
     return f"""<mujoco><compiler angle="radian"/><worldbody><body name="table" {base}>
       <joint name="yaw" axis="0 0 1"/>{BAR.format(5, 0.1)}<site name="ground" pos="0.7 0 0"/>
-      <body name="crank" pos="0.1 0 0"><joint name="drive" axis="{axis}"/>{BAR.format(1, 0.2)}
-        <body name="coupler" pos="0.4 0 0"><joint name="knee" axis="{axis}"/>{BAR.format(2, 0.3)}
-          <body name="rocker" pos="0.6 0 0"><joint name="heel" axis="{axis}" damping="0.2"
+      <body name="crank" pos="0.1 0 0"><joint name="drive" axis="0 -1 0"/>{BAR.format(1, 0.2)}
+        <body name="coupler" pos="0.4 0 0"><joint name="knee" axis="0 -1 0"/>{BAR.format(2, 0.3)}
+          <body name="rocker" pos="0.6 0 0"><joint name="heel" axis="0 -1 0" damping="0.2"
             armature="0.1" stiffness="3" springref="0.2"/>{BAR.format(1.5, -0.2)}
             <site name="toe" pos="-0.4 0 0"/></body></body></body></body></worldbody>
       <equality>{closure}</equality>

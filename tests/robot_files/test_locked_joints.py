@@ -37,10 +37,10 @@ def inertias(robot):
     return {b: [robot.nominal[f"{b}.{k}"] for k in INERTIAL_KINDS] for b in robot.bodies}
 
 
-def same_inertias(robot, other, atol=1e-12):
+def same_inertias(robot, other):
     assert robot.bodies == other.bodies
     for body, theta in inertias(robot).items():
-        assert_allclose(theta, inertias(other)[body], rtol=0, atol=atol)
+        assert_allclose(theta, inertias(other)[body], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("held", ["f1=0.03", "f1"])
@@ -131,9 +131,9 @@ LINK = """<link name="{0}"><inertial><origin xyz="0.01 0.02 0.05" rpy="0.1 0.2 0
 LINKS = "".join(LINK.format(name) for name in ("left", "pad", "right"))
 
 
-def fingers(kind="prismatic", at="0 0.1 0.4", links=LINKS):
+def fingers(kind="prismatic", links=LINKS):
     limit = '<limit lower="0" upper="1" effort="9" velocity="9"/>' if kind != "fixed" else ""
-    return FINGERS.format(links=links, kind=kind, at=at, limit=limit)
+    return FINGERS.format(links=links, kind=kind, at="0 0.1 0.4", limit=limit)
 
 
 def test_what_mimics_a_fixed_joint_stands_still(load_text):

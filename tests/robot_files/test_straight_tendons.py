@@ -16,7 +16,7 @@ EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inert
            "joint_stiffness", "passive_joint_friction")  # fmt: skip
 
 
-def stewart(legs="", motor="", platform='<freejoint name="float"/>'):
+def stewart(legs="", motor=""):
     """A free platform on six legs of which nothing is modelled but their force and length."""
     top = ""
     sites = ""
@@ -35,7 +35,7 @@ def stewart(legs="", motor="", platform='<freejoint name="float"/>'):
           <site site="b{k}"/></spatial>"""
         motors += f'<motor tendon="leg{k}" {motor}/>'
     return f"""<mujoco><compiler angle="radian"/><worldbody>
-      <body name="platform" pos="0 0 0.5">{platform}{top}
+      <body name="platform" pos="0 0 0.5"><freejoint name="float"/>{top}
       <inertial mass="3" pos="0.02 0.01 0.05" fullinertia="0.05 0.06 0.09 0.002 0.001 -0.003"/>
       </body>{sites}</worldbody><tendon>{tendons}</tendon><actuator>{motors}</actuator>
       <keyframe><key name="home" qpos="0 0 0.5 1 0 0 0"/></keyframe></mujoco>"""

@@ -14,7 +14,7 @@ def gather(W, tau, size=8, logs=(), columns=()):
     Blocks have `size` samples; `logs` are the numbers of samples of each log.
     """
     N, _, k = W.shape
-    names = tuple(f"p{j}" for j in range(k))
+    names = tuple(columns) or tuple(f"p{j}" for j in range(k))
     log = np.repeat(np.arange(len(logs) or 1), logs or (N,))
     return Information.of_rows(names, W, tau, log, size)
 
