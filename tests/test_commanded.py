@@ -270,14 +270,6 @@ def move(robot, logs):
     return predict(robot, robot, logs, forward=True)
 
 
-def test_a_rollout_does_not_depend_on_the_integrators_step(arm, frames, monkeypatch):
-    log, machine = read(arm, frames[1]), CommandedRobot(arm, {})
-    coarse = machine.roll(log, delay=0.004)
-    monkeypatch.setattr("identifiability.simulation.rollout.STEP", 1e-4)
-    fine = machine.roll(log, delay=0.004)
-    assert np.sqrt(np.mean((coarse - fine) ** 2)) < 3e-4 * np.ptp(fine)
-
-
 @pytest.mark.parametrize("most", [900.0, 60.0])  # [N·m], the second of which commands exceed
 def test_commands_that_act_later_by_less_than_a_step_move_a_robot_later_by_that(arm, frames, most):
     log = read(arm, frames[1])
