@@ -24,10 +24,8 @@ def spoil(frame, case):
         for c in frame.columns[1:]:
             out[c] = {"q": 0.3, "tau": 5.0}.get(c.rpartition(".")[2], 0.0)
     elif case == "rest, noisy torque":
-        rng = default_rng(0)
-        for c in frame.columns[1:]:
-            out[c] = 0.3 if c.endswith(".q") else 0.0
-        out[tau] = 5.0 + rng.standard_normal((len(frame), 2))
+        out = spoil(frame, "rest")
+        out[tau] += default_rng(0).standard_normal((len(frame), 2))
     elif case == "constant":
         out[tau] = [5.0, -2.0]
     elif case == "noise":

@@ -291,7 +291,7 @@ class MixedModel:
         return self._solve(terms, columns, among, self.target[columns])
 
     def _project(self, s: Solution, columns: np.ndarray) -> Projected:
-        """Return what of m columns is along a solution."""
+        """Return the parts of m columns along a solution."""
         parts = []
         for chain in s.chains:
             own = s.columns[chain]

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import find_family
-from identifiability.effects.measurement import ClockError, TimeDelay
+from identifiability.effects.measurement import ClockError, FromJoint, TimeDelay
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import least_noise
 from identifiability.estimation.noise import ARNoise, JointNoise
@@ -58,7 +58,13 @@ def check_numbers(structure: Structure, names: Sequence[str]) -> None:
 def list_numbers(structure: Structure) -> list[str]:
     """Return the names of all numbers that can be profiled."""
     torques = [f"{joint}.{TORQUE}" for joint in structure.robot.joints]
-    return [*structure.shapes, TOTAL_MASS, *torques, *structure.columns]
+    return [*list_lengths(structure), TOTAL_MASS, *torques, *structure.columns]
+
+
+def list_lengths(structure: Structure) -> list[str]:
+    """Return the names of shapes that are lengths or speeds, and not the number of a joint."""
+    effects = {name: find_family(name.rpartition(".")[2]).effect for name in structure.shapes}
+    return [name for name, effect in effects.items() if not isinstance(effect, FromJoint)]
 
 
 def profile_numbers(found: Analysis, names: Sequence[str]) -> tuple[Profile, ...]:
@@ -91,7 +97,7 @@ def list_shapes(structure: Structure, columns: Sequence[str]) -> list[str]:
     The period of a ripple is left out: its best value is one of many minima, and it has no limit.
     """
     groups = {(p.owner, p.group) for p in structure.parameters if p.name in columns}
-    every = (name.rpartition(".") for name in structure.shapes)
+    every = (name.rpartition(".") for name in list_lengths(structure))
     return [
         f"{joint}.{family}"
         for joint, _, family in every

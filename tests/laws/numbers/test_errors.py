@@ -22,8 +22,8 @@ def prediction(tau, predicted, counts):
 class Rows:
     """Rows of several logs, handed out in uneven chunks like those of a regression."""
 
-    def __init__(self, W, tau, logs, size=7):
-        self.W, self.tau, self.logs, self.size = W, tau, logs, size
+    def __init__(self, W, tau, logs):
+        self.W, self.tau, self.logs, self.size = W, tau, logs, 7
         self.raw = tau
         edges = np.cumsum([0, *logs])
         self.spans = list(itertools.pairwise(edges))

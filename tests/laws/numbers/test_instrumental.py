@@ -133,12 +133,12 @@ def test_moments_refit_without_some_blocks(rows):
     )
 
 
-def faint(rng, samples=400):
+def faint(rng):
     """Return columns of which the last is a motion as large as its noise; V knows it by itself."""
-    exact = rng.normal(size=(samples, 2, 4))
+    exact = rng.normal(size=(400, 2, 4))
     W = exact.copy()
     W[:, :, 3] += 1.2 * rng.normal(size=exact.shape[:2])
-    return exact, W, exact @ TRUTH + SIZE * rng.normal(size=(samples, 2))
+    return exact, W, exact @ TRUTH + SIZE * rng.normal(size=(400, 2))
 
 
 def test_intervals_hold_what_weak_directions_leave_biased():

@@ -21,7 +21,7 @@ EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction"]
 SHAPE = "elbow.stribeck_friction"
 
 
-def case_of(level, speed=SPEED, power=1, harmonics=5, stated=0.5, cutoff=None):
+def case_of(level, speed=SPEED, power=1, harmonics=5, stated=0.5, cutoff=None, more=()):
     """Return a case of two logs with Stribeck friction of a level in the elbow [N·m]."""
     robot = Robot.load("two-link")
     rng = np.random.default_rng(5)
@@ -32,7 +32,7 @@ def case_of(level, speed=SPEED, power=1, harmonics=5, stated=0.5, cutoff=None):
     force = np.zeros_like(campaign.torque)
     force[:, 1] = level * np.exp(-(np.abs(v / speed) ** power)) * np.sign(v)
     logs = campaign.logs(force, Noise(torque=0.03), rng)
-    effects = [*EFFECTS, f"stribeck_friction@elbow:{stated}"]
+    effects = [*EFFECTS, f"stribeck_friction@elbow:{stated}", *more]
     model = LadderEntry.model_validate({"models": [{"name": "M", "effects": effects}]})
     return Case(robot, logs[:1], logs[1:], model=model, preparation=Preparation(cutoff=cutoff))
 
@@ -78,6 +78,11 @@ def test_friction_of_another_form_stays_in_doubt_in_a_joint_that_turns_all_the_t
     found = analyze(case, replicates=0)
     assert found["elbow.Fc"].verdict == "sign only"
     assert abs(found["elbow.Fv"].estimate - 0.6) < 0.03
+
+
+def test_the_number_of_another_joint_is_not_profiled_as_a_shape():
+    found = analyze(case_of(0.3, more=["function_of_other_velocity@elbow:1"]), replicates=0)
+    assert len(found.profiles) == 1
 
 
 def test_a_number_that_is_not_there_is_one_sentence():

@@ -97,8 +97,8 @@ def problem(phi, samples=640, seed=0, noise=1.0, mix=None):
     return W, W @ np.array(phi, float) + noise * rng.normal(size=(samples, 1))
 
 
-def walked(phi, plan=None, columns=COLUMNS, **options):
-    information = gather(*problem(phi, **options), size=10, columns=columns)
+def walked(phi, plan=None, **options):
+    information = gather(*problem(phi, **options), size=10, columns=COLUMNS)
     whitened = whiten_regression(information, estimate(information, "ols"))
     return walk(whitened, plan or Plan())
 
