@@ -44,4 +44,4 @@ def test_one_value_has_one_error_and_a_reason_where_exports_get_another(found, t
         value, error = format_measured(v.value, v.sigma_label)
         assert (shown[1].text, shown[2].text) == (value, f"± {error}")
         if v.name in SLIDERS:
-            assert f"{value} {v.unit} ± {error}" in report
+            assert f"{value}\xa0{v.unit} ±\xa0{error}" in report

@@ -69,6 +69,8 @@ class Column:
         Whether it is shown only with detailed statistics.
     quiet : bool
         Whether that holds for the small print of its cells, which then shows on hover.
+    line : bool
+        Whether the small print is cut to one line, and shows in full on hover and with details.
     """
 
     title: str
@@ -77,6 +79,7 @@ class Column:
     hint: str = ""
     detail: bool = False
     quiet: bool = False
+    line: bool = False
 
     @property
     def kind(self) -> Kind:

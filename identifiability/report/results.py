@@ -174,6 +174,7 @@ def set_symbols(text: str) -> Markup:
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
     escaped = re.sub(r"(?<=\d) (?=[%σ×]|N|mrad)", "\u00a0", escaped)
+    escaped = re.sub(r"(?<=±) (?=\d)", "\u00a0", escaped)
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))
 
@@ -335,7 +336,8 @@ def _style() -> str:
     sheet = re.sub(r"/\*.*?\*/", "", _template_text("style.css"), flags=re.DOTALL)
     own = re.sub(r"(?m)^(\s*)(?::root|html|body|main)(?=\s*\{)", r"\1:scope", sheet)
     tidy = (
-        ".chips, .arrow, .copy, .player { display: none; } thead button { pointer-events: none; } "
+        ".chips, .give, .arrow, .copy, .player { display: none; } "
+        "thead button { pointer-events: none; } "
         "tbody th { min-width: 0; } td.is-text:last-child { min-width: 280px; } "
     )
     narrow = ":scope { max-width: 100%; padding: 0 4px; font-size: 14px; background: none; }"

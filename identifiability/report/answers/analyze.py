@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from statistics import NormalDist
-from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -619,13 +618,11 @@ def file_table(analysis: Analysis) -> Table:
     counts = [f"{(frame['logs'] == word).sum()} {word.rstrip('s')}" for word in BELIEVED]
     rows = frame.to_dict("records")
     for row in rows:
-        row["parameter"] = " = ".join(filter(None, (row["name"], label_note(row["label"]))))
+        row["parameter"] = Cell(row["name"], note=label_note(row["label"]))
         row["believed"] = Cell(row["logs"], badge=BELIEVED[row["logs"]])
     return make_table("file", rows, counts=", ".join(counts))
 
 
 def label_note(label: str) -> str:
     """Return the effective combination of a name; empty where it is the parameter alone."""
-    if " " in label:
-        return shorten(label, 64, placeholder=" …")
-    return ""
+    return label if " " in label else ""

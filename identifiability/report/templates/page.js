@@ -31,8 +31,7 @@ function filterTable(group) {
   group.querySelector(".shown").textContent = words.length ? `${shown} of ${rows.length} shown` : "";
 }
 
-// On a phone rows are laid out as cards: each cell says what it is, and stays a cell for those
-// who listen to the page.
+// On cards each cell says what it is, and stays a cell for those who listen to the page.
 for (const row of document.querySelectorAll("tbody tr")) {
   const headers = row.closest("table").tHead.rows[0].cells;
   for (const cell of row.cells) cell.dataset.label = headers[cell.cellIndex].textContent.trim();
@@ -54,25 +53,33 @@ for (const chip of document.querySelectorAll(".chip[data-word]")) {
   });
 }
 
-// Of a long answer the first lines are shown, and all of it on demand.
-for (const why of document.querySelectorAll(".answers .why")) {
-  why.classList.add("clamped");
-  if (why.scrollHeight <= why.clientHeight + 2) { why.classList.remove("clamped"); continue; }
-  const more = document.createElement("button");
-  more.type = "button";
-  more.className = "more";
-  more.textContent = "more";
-  more.addEventListener("click", () => {
-    more.textContent = why.classList.toggle("clamped") ? "more" : "less";
-  });
-  why.after(more);
+// A table that is wider than its frame says so; on a phone it becomes cards.
+const phone = matchMedia("(max-width: 600px)");
+function fitTable(box) {
+  const table = box.parentNode;
+  table.classList.remove("cards");
+  const wide = box.scrollWidth > box.clientWidth + 1;
+  table.classList.toggle("cards", wide && phone.matches);
+  box.classList.toggle("wide", wide && !phone.matches);
 }
+for (const box of document.querySelectorAll(".table-box")) {
+  let width = 0;  // none while it is folded
+  new ResizeObserver(() => {
+    if (box.offsetWidth === width) return;
+    width = box.offsetWidth;
+    fitTable(box);
+  }).observe(box);
+}
+
+// What is cut to one line is read on hover.
+for (const line of document.querySelectorAll("small.line")) line.title = line.textContent;
 
 // Statistics in detail are hidden until they are asked for; a link into them asks.
 const statistics = document.getElementById("statistics");
 function showDetail(on) {
   if (statistics) statistics.checked = on;
   document.body.classList.toggle("with-detail", on);
+  document.querySelectorAll(".table-box").forEach(fitTable);
 }
 if (statistics) statistics.addEventListener("change", () => showDetail(statistics.checked));
 function openTarget() {
