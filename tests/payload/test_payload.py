@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from planted_load import PlantedLoad
 
-from identifiability import IdentifiabilityError, analyze, compare, payload
+from identifiability import IdentifiabilityError, Preparation, analyze, compare, payload
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.pseudo_inertia import check_body
@@ -147,6 +147,14 @@ def test_friction_that_changed_is_estimated_beside_the_load_and_said(
     assert not found.caveats
     assert found.mass.value == pytest.approx(same.mass.value, abs=0.4 * same.mass.half)
     assert found.mass.half == pytest.approx(same.mass.half, rel=0.1)
+
+
+def test_noise_of_the_motion_is_said_where_it_is_large(make_logs, planted):
+    empty, loaded = (log.without(["dq", "ddq"]) for log in make_logs(ARM, planted))
+    noise = np.random.default_rng(0).normal(scale=1e-3, size=loaded.q.shape)
+    result = analyze(ARM, empty, replicates=0, preparation=Preparation(cutoff=10.0))
+    found = payload(ARM, result, replace(loaded, q=loaded.q + noise))
+    assert "noise of the measured motion" in str(found.hints)
 
 
 def test_of_logs_with_different_loads_it_is_said_which_has_more(fit, make_logs, planted):

@@ -10,11 +10,11 @@ from identifiability.posterior.target import Prior, Target
 from .exactly import sample_exact
 
 
-def free_target(rng, size=5, dof=12.0, **options):
-    R = rng.normal(size=(size, size)) + np.eye(size)
-    data = LeastSquares(R, R @ rng.normal(size=size), 1.7 * dof, dof)
-    region = PhysicalSet(np.empty((0, 10), int), np.zeros(size, bool))
-    return Target(data, options.pop("prior", Prior.flat(size)), region, **options)
+def free_target(rng, dof=12.0, **options):
+    R = rng.normal(size=(5, 5)) + np.eye(5)
+    data = LeastSquares(R, R @ rng.normal(size=5), 1.7 * dof, dof)
+    region = PhysicalSet(np.empty((0, 10), int), np.zeros(5, bool))
+    return Target(data, options.pop("prior", Prior.flat(5)), region, **options)
 
 
 @pytest.mark.parametrize("iact", [1.0, 2.5])
@@ -66,6 +66,12 @@ def test_what_the_data_do_not_see_keeps_its_prior(posteriors, rng):
     expected = rng.normal(5.0, 2.0, (100, 200, 1))
     posteriors.assert_same_distribution(draws[..., 2:], expected)
     assert np.std(draws[..., 0] + draws[..., 1]) < 0.2 * np.std(draws[..., 0])
+
+
+def test_a_prior_around_a_rod_is_narrow_across_it():
+    rod = np.array([1, 0, 0, 1, 0, 0, 0, 0, 0, 1.0])
+    sd = Prior.around(rod, np.arange(10)[None], 1.0, rod).sd
+    assert sd[6] < 0.1 * sd[8]
 
 
 def test_a_flat_prior_where_the_data_are_blind_is_refused():

@@ -83,16 +83,17 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
         rms = np.sqrt(((torque[:, :, None] - expected) ** 2).mean(0))
         assert_allclose(whole.joint_rms(raw=measured), rms)
         assert_allclose(whole.joint_error(raw=measured), rms / torque.std(0)[:, None])
-    wrong = np.abs(tau[:, :, None] - expected).sum((0, 1))
-    assert_allclose(whole.relative_error(), wrong / np.abs(tau - tau.mean()).sum())
-    wrong = np.abs(tau[:, :, None] - W @ values[0]).sum((0, 1))
-    assert_allclose(plain.relative_error(), wrong / np.abs(tau - tau.mean()).sum())
-    own = tau[24:64]
-    wrong = np.abs(own[:, :, None] - expected[24:64]).sum((0, 1)) / np.abs(own - own.mean()).sum()
-    assert_allclose(whole.relative_error(1), wrong)
-    assert_allclose(whole.select([1]).relative_error(1), wrong[1:])
-    spread = np.abs(tau - tau.mean(0)).sum() / np.abs(tau - tau.mean()).sum()
-    assert whole.constant_error() == pytest.approx(spread)
+
+    def share(wrong, torque):
+        return np.abs(wrong).sum((0, 1)) / np.abs(torque - torque.mean()).sum()
+
+    wrong = tau[:, :, None] - expected
+    assert_allclose(whole.relative_error(), share(wrong, tau))
+    assert_allclose(plain.relative_error(), share(tau[:, :, None] - W @ values[0], tau))
+    second = share(wrong[24:64], tau[24:64])
+    assert_allclose(whole.relative_error(1), second)
+    assert_allclose(whole.select([1]).relative_error(1), second[1:])
+    assert whole.constant_error() == pytest.approx(share(tau - tau.mean(0), tau))
     assert len(plain.predicted) == 0
     assert not plain.surely_better(0, 1)  # nothing is held that could tell
     one = predict(rows, values[0])
