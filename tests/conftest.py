@@ -80,7 +80,8 @@ def pytest_collection_modifyitems(config, items):
     items.sort(key=lambda item: item.path.name not in LONGEST)
     if config.getoption("--everything"):
         return
-    left = {item for item in items if item.get_closest_marker("everything")}
+    slow = {item for item in items if item.get_closest_marker("everything")}
+    left = {item for item in slow if item.nodeid not in config.args}  # whose name was given stays
     config.hook.pytest_deselected(items=[item for item in items if item in left])
     items[:] = [item for item in items if item not in left]
 

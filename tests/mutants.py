@@ -10,7 +10,7 @@ Each file in ``tests/mutants/`` declares some::
     name = "the paper's factor is 20"
     old = "PAPER_FACTOR = 10.0"          # stands exactly once in the package, wherever it is
     new = "PAPER_FACTOR = 20.0"
-    tests = ["laws/numbers/test_x.py"]   # optional: instead of the file's
+    tests = ["laws/numbers/test_x.py"]   # optional: instead of the file's; slow laws by their names
 
 A mutant dies if a test fails (or does not end). The exit code is 1 if a mutant survives or cannot
 be applied.

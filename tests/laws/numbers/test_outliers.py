@@ -117,10 +117,13 @@ def test_what_the_model_leaves_out_again_and_again_is_no_outlier():
         assert weigh_outliers(information, WLS) == (information, None)
 
 
-def test_exact_logs_and_too_few_blocks_are_left_alone():
+def test_exact_logs_louder_logs_and_too_few_blocks_are_left_alone():
     W, tau = rows()
     exact = gathered(W, W @ TRUTH)
     assert weigh_outliers(exact, WLS) == (exact, None)
+    noise = ar1(np.random.default_rng(0), 0, ROWS, 2)
+    louder = gathered(W, tau + np.repeat([0, 1], [400, 200])[:, None] * noise)
+    assert weigh_outliers(louder, WLS) == (louder, None)
     short = Information.of_rows(["a", "b", "c"], W[:25], tau[:25], np.zeros(25, int), SIZE)
     assert weigh_outliers(short, WLS) == (short, None)
 
