@@ -122,7 +122,7 @@ def agree(said, printed):
 def test_the_readme_runs_from_top_to_bottom(tmp_path):
     """With few random draws, and without the verbs that take long and the pictures."""
     said = " ".join(said for said, _ in run(ROOT / "README.md", tmp_path, quick=True))
-    assert "relative validation error" in said  # the decision
+    assert "Error on unseen motion" in said  # the decision
     assert "Stribeck friction in joint_2" in said  # what the logs have and the robot file has not
     for name in ("report.html", "inspection.html", "better.html"):
         page = (tmp_path / "study" / name).read_text(encoding="utf-8")

@@ -160,6 +160,10 @@ class LadderedPresenter(PredictingPresenter):
         each = result.held_out.by_joint()
         return result.chosen.error_ra_validation, each["error"], each["rms"]
 
+    def reserved(self) -> bool:
+        """Return whether the answer on trust is not an unreserved yes."""
+        return answer_doubt(self.result).tone != "green"
+
     def noise(self) -> Array | None:
         """Return the noise of each joint's torque; None where torque was computed."""
         result = self.result

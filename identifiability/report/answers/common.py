@@ -177,14 +177,18 @@ class PredictingPresenter(AnsweringPresenter):
         unexplained = np.where(is_noise(rms, self.noise()), np.nan, each)
         return (*super().warnings(), *state_uneven(error, self.result.robot.joints, unexplained))
 
+    def reserved(self) -> bool:
+        """Return whether the page says elsewhere that its numbers need care."""
+        return bool(self.result.warnings)
+
     def answer_error(self, more: str, **known: Any) -> Answer:
         """Return the error of the predictions; arguments as of `answer_quality`."""
-        result, (error, each, sizes) = self.result, self.errors()
-        robot = result.robot
+        error, each, sizes = self.errors()
+        robot = self.result.robot
         pairs = zip(sizes.tolist(), robot.torque_units, strict=True)
         rms = [f"{format_number(size, 2)} {unit}" for size, unit in pairs]
-        known["warnings"] = result.warnings
-        stated = answer_quality(error, robot.joints, each, rms, more, **known)
+        reserved = self.reserved()
+        stated = answer_quality(error, robot.joints, each, rms, more, reserved=reserved, **known)
         joint, worst = worst_joint(robot.joints, each)
         if not (joint and errs_unevenly(error, worst)):
             return stated
@@ -204,9 +208,10 @@ def answer_quality(
     more: str,
     question: str = "",
     raw: float = math.nan,
-    warnings: Sequence[str] = (),
+    reserved: bool = False,
+    part: str = "error",
 ) -> Answer:
-    """Return the error of the predictions in words, and the joint with the largest error.
+    """Return the error of the predictions, and the joint with the largest error.
 
     Parameters
     ----------
@@ -223,35 +228,30 @@ def answer_quality(
         In place of the usual one.
     raw : float
         The same of torque that no filter has passed.
-    warnings : sequence of str
-        What changes a decision: the grade is no better than fair.
+    reserved : bool
+        Whether the page says elsewhere that its numbers need care: then nothing praises the error.
+    part : {"error", "along"}
+        Whether it is of unseen motion.
     """
     if not np.isfinite(error):
         return answer("quality", "none", question=question)
-    headline = grade_of(error)
     joint, own = worst_joint(joints, each)
-    uneven = bool(joint) and errs_unevenly(error, own)
-    holes: dict[str, Any] = {"error": error, "joint": joint, "own": own, "worst": ""}
+    worst = ""
+    grade = grade_of(error)
     if joint:
-        holes["rms"] = rms[joints.index(joint)]
-        holes["worst"] = sentence("quality", "worst", **holes)
-    grade = worse_of(headline, "fair") if warnings else headline
-    short = sentence("decision.grades", grade, **holes)
-    if grade != headline:
-        short = sentence("decision.lowered", "warned", word=word_of(grade), **holes)
-    if uneven:
-        grade = worse_of(grade, grade_of(own), worse_of(headline, "good"))
-        short = sentence("decision.lowered", "joint", word=word_of(grade), **holes)
+        size = rms[joints.index(joint)]
+        worst = sentence("quality", "worst", joint=joint, own=own, rms=size)
+        grade = worse_of(grade, grade_of(own)) if errs_unevenly(error, own) else grade
     tone = TONES[grade]
-    if tone == "green" and grade != headline:
-        tone = "amber"
-    parts = [sentence("decision.lowered", "together", **holes)] if uneven else []
-    parts.append(sentence("decision.uses", grade))
+    poor = tone == "vermilion"
+    if reserved and tone == "green":
+        tone = "grey"
+    parts = [sentence("decision.uses", grade)] if poor or not reserved else []
     # A filter makes a difference.
     if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
-        parts.append(sentence("decision.grades", "raw", raw=raw))
+        parts.append(sentence("quality", "raw", raw=raw))
     text = " ".join([*parts, more]).rstrip()
-    return Answer(question or sentence("quality", "question"), short, text, tone)
+    return answer("quality", part, text, tone, question=question, error=error, worst=worst)
 
 
 def worst_joint(joints: Sequence[str], each: Array) -> tuple[str, float]:
@@ -311,11 +311,6 @@ def worse_of(*grades: str) -> str:
     """Return the worst of some grades."""
     order = list(TONES)
     return max(grades, key=order.index)
-
-
-def word_of(grade: str) -> str:
-    """Return a grade as the first word of a sentence."""
-    return grade.replace("-", " ").capitalize()
 
 
 def answer_trust(

@@ -49,7 +49,8 @@ class TorquePredictionPresenter(PredictingPresenter):
         known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
         more = sentence("prediction.what", "measured", logs=known) if known else ""
         question = sentence("prediction.what", "good")
-        error = self.answer_error(more, question=question, raw=result.error_ra_raw)
+        part = "along" if {*result.logs} & {*result.fit.sides[0]} else "error"
+        error = self.answer_error(more, question=question, raw=result.error_ra_raw, part=part)
         about = error, _answer_intervals(result), _answer_what(result)
         return about if known else about[::-1]
 
@@ -57,6 +58,10 @@ class TorquePredictionPresenter(PredictingPresenter):
         """Return the errors along the logs that have torque."""
         error, rms = self.result.error_frame()[["error", "rms"]].to_numpy(float).T
         return self.result.error_ra, error, rms
+
+    def reserved(self) -> bool:
+        """Return whether the answer on intervals is not an unreserved yes."""
+        return _answer_intervals(self.result).tone != "green"
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
