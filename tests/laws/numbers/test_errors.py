@@ -94,7 +94,7 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
     assert_allclose(whole.relative_error(1), second)
     assert_allclose(whole.select([1]).relative_error(1), second[1:])
     assert whole.constant_error() == pytest.approx(share(tau - tau.mean(0), tau))
-    assert len(plain.predicted) == 0
+    assert not len(plain.predicted)
     assert not plain.surely_better(0, 1)  # nothing is held that could tell
     one = predict(rows, values[0])
     assert_allclose(one.relative_error(), plain.relative_error())
