@@ -166,6 +166,8 @@ class Moving:
         Of one joint, drawn below with a line at the time that is shown.
     misses : (F, J) or None
         Torque that the model misses in each joint, relative to the largest missed.
+    mark : str
+        Tone of the dots of these sizes.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -180,6 +182,7 @@ class Moving:
     caption: str = ""
     torque: Trace | None = None
     misses: Array | None = None
+    mark: str = "vermilion"
 
     @property
     def frames(self) -> int:
@@ -217,7 +220,8 @@ class Moving:
             )
             drawn.append((float(places[:, 2].mean()) - shape.ahead, both))
         drawn.sort(key=lambda x: -x[0])
-        dot = '<g class="joint" transform="translate({} {})"><circle class="missed" r="0"/></g>'
+        circle = f'<circle class="missed tone-{self.mark}" r="0"/>'
+        dot = f'<g class="joint" transform="translate({{}} {{}})">{circle}</g>'
         marks = points[: self.joints, :2].round(1).tolist() if self.misses is not None else []
         bodies = "".join(text for _, text in drawn)
         return Markup(f'<g class="bodies">{bodies}</g>{"".join(dot.format(*x) for x in marks)}')
@@ -240,6 +244,17 @@ class Moving:
         """Where zero is in the drawing of torque [px]."""
         low, high = self.range
         return PLOT[1] * high / (high - low or 1.0)
+
+    @property
+    def gaps(self) -> list[tuple[float, float]]:
+        """Start and width of each stretch without torque, in the box of `PLOT` pixels."""
+        if self.torque is None:
+            return []
+        known = np.isfinite(np.array([*self.torque.lines.values()])).any(0)
+        rows = np.flatnonzero(known)
+        ends = np.flatnonzero(np.diff(rows) > 1)
+        x = PLOT[0] / (self.t[-1] - self.t[0]) * np.array(self.torque.t)[rows]
+        return [(float(x[k]), float(x[k + 1] - x[k])) for k in ends]
 
     @property
     def plot(self) -> list[tuple[str, str, str]]:

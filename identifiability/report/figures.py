@@ -156,21 +156,6 @@ def strokes(axes: Axes, starts: Array, ends: Array, colour: str, **style: Any) -
     )
 
 
-def dots(axes: Axes, x: Array, y: Array, colour: str, size: float, alpha: float) -> None:
-    """Draw points as strokes without length, a tenth of the size of markers."""
-    points = np.stack([x, y], 1)
-    strokes(
-        axes,
-        points,
-        points,
-        colour,
-        linewidth=size,
-        capstyle="round",
-        alpha=alpha,
-    )
-    axes.autoscale_view()
-
-
 def peak_rows(lines: Sequence[Array], most: int) -> np.ndarray:
     """Return rows that keep the peaks of lines (N,), at most `most` for each of them, ascending.
 
@@ -274,25 +259,21 @@ def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
 # What figures share: rows with names, scales, legends, labels, whiskers.
 
 
-WIDTH = 440
+WIDTH = 350
 
 #: Look of limits and of references.
 DASHED: Any = {"linewidth": 1, "linestyle": (0, (4, 3))}
 
 
 def row_canvas(
-    names: Sequence[str], row: float = 19, top: float = 40, right: float = 14, xlabel: str = ""
+    names: Sequence[str], row: float = 19, top: float = 40, xlabel: str = ""
 ) -> tuple[Figure, Axes]:
     """Return axes with one labelled row for each name, the first on top."""
     count = max(len(names), 1)
     bottom = 38
     left = min(label_width(names), 0.45 * WIDTH)
-    margins = (left, right, top, bottom)
-    figure, (axes,) = canvas(
-        WIDTH,
-        top + bottom + row * count,
-        margins,
-    )
+    height = top + bottom + row * count
+    figure, (axes,) = canvas(WIDTH, height, (left, 14, top, bottom))
     axes.set_ylim(count - 0.5, -0.5)
     axes.set_yticks([])
     style = {"color": INK, "fontsize": STYLE["ytick.labelsize"], "ha": "right"}
@@ -327,16 +308,14 @@ def row_lines(axes: Axes, count: int) -> None:
     )
 
 
-def label_axes(
-    axes: Axes, x: str, y: str, title: str = "", most: int = 44, pad: float | None = None
-) -> None:
-    """Write the labels of the axes, and a bold title of at most `most` letters, `pad` above."""
+def label_axes(axes: Axes, x: str, y: str, title: str = "") -> None:
+    """Write the labels of the axes, and a bold title above the legend."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     if title:
         axes.set_title(
-            for_svg(title, most),
-            pad=pad,
+            for_svg(title, 44),
+            pad=26,
             color=INK,
             fontweight="bold",
         )
@@ -344,7 +323,13 @@ def label_axes(
 
 def legend_above(axes: Axes, **style: Any) -> None:
     """Write a legend of two columns above the axes."""
-    above: Any = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": 2, "borderaxespad": 0.2}
+    above: Any = {
+        "loc": "lower left",
+        "bbox_to_anchor": (0, 1),
+        "ncols": 2,
+        "borderaxespad": 0.2,
+        "handlelength": 1.4,
+    }
     axes.legend(**above | style)
 
 
@@ -425,7 +410,6 @@ def draw_torque(
     title: str,
     unit: str,
     most: int = 1500,
-    width: int = 400,
 ) -> Figure:
     """Draw measured and predicted torque of one joint, and the residual below.
 
@@ -436,15 +420,8 @@ def draw_torque(
     title, unit : str
     most : int
         Points a line keeps.
-    width : int [px]
     """
-    margins = (60, 10, 50, 38)
-    figure, (above, below) = canvas(
-        width,
-        330,
-        margins,
-        (2.2, 1),
-    )
+    figure, (above, below) = canvas(WIDTH, 330, (60, 10, 50, 38), (2.2, 1))
     plot_line(
         above,
         t,
@@ -464,8 +441,8 @@ def draw_torque(
         linewidth=1.3,
         label="predicted",
     )
-    label_axes(above, "", f"torque [{unit}]" if "m" in unit else f"force [{unit}]", title, pad=26)
-    legend_above(above, handlelength=1.4)
+    label_axes(above, "", f"torque [{unit}]" if "m" in unit else f"force [{unit}]", title)
+    legend_above(above)
     below.axhline(
         0,
         color=MUTED,
@@ -488,12 +465,6 @@ def draw_torque(
     return figure
 
 
-def spread_rows(count: int, most: int) -> np.ndarray:
-    """Return at most a given number of the rows 0 … count - 1, evenly spread."""
-    places = np.linspace(0, max(count - 1, 0), min(most, count))
-    return np.unique(places.astype(int))
-
-
 @drawn
 def draw_curve(
     x: Array, learned: Array, spread: Array, data: Array, title: str, labels: tuple[str, str]
@@ -508,9 +479,11 @@ def draw_curve(
     labels : (str, str)
         Of the axes.
     """
-    figure, (axes,) = canvas(400, 260, (60, 10, 50, 38))
-    rows = spread_rows(len(x), POINTS)
-    dots(axes, x[rows], data[rows], MUTED, 3.0, 0.6)
+    figure, (axes,) = canvas(WIDTH, 220, (60, 10, 50, 38))
+    rows = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int))
+    points = np.stack([x, data], 1)[rows]
+    # Strokes without length are a tenth of the size of markers.
+    strokes(axes, points, points, MUTED, linewidth=3.0, capstyle="round", alpha=0.6)
     order = np.argsort(x)
     along = learned[order]
     low = along - REACH * spread[order]
@@ -535,8 +508,8 @@ def draw_curve(
             linewidth=1.2,
             label="learned",
         )
-    legend_above(axes, handlelength=1.4)
-    label_axes(axes, *labels, title, pad=26)
+    legend_above(axes)
+    label_axes(axes, *labels, title)
     return figure
 
 
@@ -587,13 +560,13 @@ def draw_response(frequency: Array, measured: Array, modelled: Array, resonance:
     measured, modelled : (F,)
     resonance : float [Hz]
     """
-    figure, (axes,) = canvas(400, 260, (60, 10, 50, 38))
+    figure, (axes,) = canvas(WIDTH, 240, (60, 10, 50, 38))
     axes.plot(frequency, measured, ".", markersize=4.0, color=MUTED, label="measured")
     axes.plot(frequency, modelled, color=BLUE, linewidth=1.2, label="modelled")
     axes.axhline(1.0, color=MUTED, **DASHED)
     if resonance <= frequency[-1]:
         axes.axvline(resonance, color=BLUE, **DASHED)
-    legend_above(axes, handlelength=1.4)
+    legend_above(axes)
     axes.set_xlim(0.0, float(frequency[-1]))
     axes.set_ylim(0.0, 1.2 * float(modelled.max()))
     label_axes(axes, "frequency [Hz]", "torque over that of rigid links")
@@ -610,7 +583,7 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
     before, after : (K, S)
         Error as a share of the distance moved; nan counts as all of it.
     """
-    figure, (axes,) = canvas(640, 260, (60, 20, 50, 38))
+    figure, (axes,) = canvas(WIDTH, 240, (60, 20, 30, 38))
     for share, (colour, label) in zip((before, after), STATES, strict=True):
         low, middle, high = 100 * np.quantile(
             share,
@@ -632,7 +605,7 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
             linewidth=1.8,
             label=label,
         )
-    legend_above(axes, handlelength=1.4)
+    legend_above(axes)
     axes.set_xlim(0, float(t[-1]))
     axes.set_ylim(bottom=0)
     label_axes(axes, "time since the start of a stretch [s]", "position error [%]")
@@ -643,9 +616,7 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
 
 
 @drawn
-def draw_ladder(
-    sizes: Array, fitted: Array, unseen: Array, spread: Array, selected: int, least: int
-) -> Figure:
+def draw_ladder(sizes: Array, fitted: Array, unseen: Array, spread: Array, selected: int) -> Figure:
     """Draw the error of each model against its size, with the band of one standard error.
 
     Parameters
@@ -656,17 +627,16 @@ def draw_ladder(
         ε_RA as fractions.
     spread : (m,)
         Standard error of the difference of `unseen` to the selected model's.
-    selected, least : int
-        The model to use, and the one with the best predictive log density.
+    selected : int
+        The model to use.
     """
-    figure, (axes,) = canvas(460, 320, (58, 14, 58, 44))
+    figure, (axes,) = canvas(WIDTH, 290, (56, 12, 54, 42))
     fitted, unseen, spread = (
         100 * np.where(np.isfinite(x), x, np.nan) for x in (fitted, unseen, spread)
     )
     half = np.nan_to_num(spread)
     low = unseen - half
     high = unseen + half
-    axes.fill_between(sizes, low, high, color=BLUE, alpha=0.16, linewidth=0, label="± SE")
     axes.plot(
         sizes,
         unseen,
@@ -685,23 +655,15 @@ def draw_ladder(
         markersize=4,
         linewidth=1,
     )
+    named = "± one standard error"
+    axes.fill_between(sizes, low, high, color=BLUE, alpha=0.16, linewidth=0, label=named)
     chosen = float(sizes[selected])
     axes.axvline(
         chosen,
         color=BLUE,
-        label=f"use {chosen:.0f}",
+        label=f"use these {chosen:.0f}",
         **DASHED,
     )
-    if least != selected:
-        axes.plot(
-            sizes[least],
-            unseen[least],
-            "o",
-            label="best density",
-            color=COLOURS["amber"],
-            markersize=9,
-            fillstyle="none",
-        )
     shown = np.concatenate([unseen, fitted])
     if (shown[np.isfinite(shown)] > 0).any():  # from the best model to none, all of it
         axes.set_yscale("log")
@@ -709,13 +671,7 @@ def draw_ladder(
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_locator(NullLocator())
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)
-    legend_above(
-        axes,
-        loc="upper left",
-        ncols=3,
-        bbox_to_anchor=(0, 1.2),
-        borderaxespad=0,
-    )
+    legend_above(axes)
     label_axes(axes, "number of parameters [–]", "relative torque error [%]")
     return figure
 

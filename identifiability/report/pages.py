@@ -9,13 +9,14 @@ the functions: a page needs only its verb.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.foundation.answers import Cell, Column, Note
+from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import for_svg
@@ -130,7 +131,9 @@ def comparison_moving(result: Comparison) -> Moving | None:
     log, _ = shorten_paths((result.after[torque.log], result.before[0]))
     # Noise alone marks no joint.
     shown, how = (torque.explained, "changed") if result.changes else (None, "same")
-    return move_with_torque(robot, motion, t, torque.whole, lines, log, shown, how)
+    # The joint that the headline names.
+    joint = result.changes[0].felt.joint if result.changes else ""
+    return move_with_torque(robot, motion, t, torque.whole, lines, log, shown, how, joint=joint)
 
 
 def comparison_sections(result: Comparison) -> list[Section | None]:
@@ -172,10 +175,10 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
     own = gap.log == 0
     torque = np.where(gap.data, gap.tau, np.nan)[own]
     residual = np.where(gap.data[:, :, None], gap.residual, np.nan)[own]
-    before, after = residual[:, :, [0, -1]].T
-    lines = {"residual before": before.T, "after": after.T}
+    before = residual[..., 0]
+    lines = {"residual before": before, "after": residual[..., -1]}
     t = gap.t[0]
-    return move_with_torque(d.robot, sample.motion, t, torque, lines, sample.name, before.T)
+    return move_with_torque(d.robot, sample.motion, t, torque, lines, sample.name, before)
 
 
 def diagnosis_below(d: Diagnosis) -> Picture | None:
@@ -260,27 +263,13 @@ def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
 def _section_gap(d: Diagnosis) -> Section:
     t = d.gap.t[0]
     part = np.flatnonzero(d.gap.log == 0)[t <= t[0] + STRETCH]
-    named = {c.joint for c in d.curves}
-    order = sorted(range(len(d.robot.joints)), key=lambda k: k not in named)
-    first_and_last = d.gap.residual[part][:, order][..., [0, -1]]
-    before, after = first_and_last.transpose(
-        2,
-        0,
-        1,
-    )
-    joints = [d.robot.joints[k] for k in order]
-    units = [d.robot.torque_units[k] for k in order]
-    lines = {"before": before, "after": after}
+    residual = d.gap.residual[part]
+    lines = {"before": residual[..., 0], "after": residual[..., -1]}
     caption = sentence("diagnosis.traces", seconds=f"{STRETCH:g}")
-    shown = traces(
-        t[: len(part)],
-        joints,
-        units,
-        lines,
-        "residual",
-        caption,
-    )
-    return section("diagnosis.gap", shown, d.tables()[-1])
+    along = (t[: len(part)], d.robot.joints, d.robot.torque_units, lines)
+    shown = traces(*along, "residual", caption)
+    zoom = Fold("The residual of every joint over time, to zoom", (shown,))
+    return section("diagnosis.gap", d.tables()[-1], zoom)
 
 
 def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
@@ -458,20 +447,15 @@ def inspection_sections(result: Inspection) -> list[Section]:
     own = _robot(result)
     if not result.records:
         return own
-    first, *others = [_recorded(result, r) for r in result.records]
-    names = [record.name for record in result.records[1:]]
+    names = [record.name for record in result.records]
     clock, motion = result.tables()
-    same = (Fold(f"The same of {name}", g) for name, g in zip(names, others, strict=True))
-    traces = section(
-        "inspection.traces",
-        *first,
-        *same,
-    )
+    moved = _fold_others(names, [(_motion_of(name, motion),) for name in names])
+    traced = _fold_others(names, [_recorded(result, r) for r in result.records])
     parts_of = (Fold(part.title, (Prose((part.lead,)), *part.blocks)) for part in own)
     preparations = map(_preparation, result.records)
     return [
-        section("inspection.motion", motion),
-        traces,
+        section("inspection.motion", *moved),
+        section("inspection.traces", *traced),
         section("inspection.clock", clock, *preparations),
         section(
             "inspection.robot",
@@ -480,26 +464,34 @@ def inspection_sections(result: Inspection) -> list[Section]:
     ]
 
 
+def _fold_others(names: Sequence[str], parts: Sequence[tuple[Block, ...]]) -> list[Block]:
+    """Return the blocks of the first log, then those of each other log on demand."""
+    first, *others = parts
+    folds = (Fold(f"The same of {n}", x) for n, x in zip(names[1:], others, strict=True))
+    return [*first, *folds]
+
+
+def _motion_of(log: str, motion: Table) -> Table:
+    """Return the rows of a table of motions that belong to a log."""
+    if motion.columns[1].title != "log":
+        return motion
+    rows = tuple(row for row in motion.rows if row[1].text == log)
+    return replace(motion, caption=f"{log}, each joint [SI units]", rows=rows).without("log")
+
+
 def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
     """Return position and torque of every joint of a log over time."""
     robot = result.robot
     t = record.t - record.clock["start"]
-    rows = list(record.joints.itertuples())
     # Nobody measures position and force of a base that floats.
-    at = [k for k, joint in enumerate(rows) if joint.joint in robot.motor_joints]
-    names = [str(rows[k].joint) for k in at]
-    positions = ("position", record.q, [str(rows[k].unit) for k in at], robot.limits[at])
-    torque_units = [str(rows[k].torque_unit) for k in at]
-    torques = ("torque", record.tau, torque_units, None)
-    shown = (
-        positions,
-        torques,
-    )
-    return tuple(
-        motion_traces(name, t, values[:, at], names, units, limits)
-        for name, values, units, limits in shown
-        if at and len(t)
-    )
+    (at,) = np.nonzero(record.joints["joint"].isin(robot.motor_joints))
+    if not (len(at) and len(t)):
+        return ()
+    words = record.joints[["joint", "unit", "torque_unit"]].iloc[at]
+    names, units, torque_units = words.to_numpy().T.tolist()
+    positions = motion_traces("position", t, record.q[:, at], names, units, robot.limits[at])
+    torques = motion_traces("torque", t, record.tau[:, at], names, torque_units, None)
+    return positions, torques
 
 
 def _preparation(record: Record) -> Fold | None:

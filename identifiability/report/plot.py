@@ -79,7 +79,7 @@ def reduction_path(result: Ladder) -> Figure:
     """Draw the error of each model of a pruning against its number of parameters."""
     submodels = [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in result.models]
     sizes, fitted, unseen, spread = np.array(submodels).T
-    return draw_ladder(sizes, fitted, unseen, spread, result.selected, result.least)
+    return draw_ladder(sizes, fitted, unseen, spread, result.selected)
 
 
 def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:

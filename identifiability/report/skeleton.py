@@ -69,6 +69,12 @@ class _Parts:
         # In proportion to the distances between joints, and to the whole robot.
         return min(max(0.3 * usual, 0.02 * size), 0.07 * size)
 
+    def meeting_axes(self, k: int) -> list[int]:
+        """Return the revolute joints whose axes meet in the origin of joint k."""
+        origin = self.frames.origin
+        revolute = [j for j, joint in enumerate(self.tree.joints) if joint.kind == "revolute"]
+        return [j for j in revolute if np.abs(origin[j] - origin[k]).max() < 0.01 * self.width]
+
     def place_of(self, joint: Joint, along: float = 0.0) -> int:
         """Add the place of a sliding joint on its parent, or a point along its axis [m]."""
         return self.add_point(joint.parent, joint.translation + joint.rotation @ joint.axis * along)
@@ -102,6 +108,9 @@ def _trace(robot: Robot, poses: Array, load: Point | None) -> _Parts:
     width = parts.width
     mounted = [_mount(parts, k, width) for k in range(len(joints))]
     closing = [p for loop in robot.loops for p in (loop.first, loop.second)]
+    for loop in robot.loops:
+        ball = [parts.add_point(p.joint, p.position) for p in (loop.first, loop.second)]
+        parts.shapes.append(Shape(tuple(ball), "joint", 0.9 * width))
     for body, link in zip(robot.bodies, robot.links, strict=True):
         k = link.last
         ends = [at for at, joint in zip(mounted, joints, strict=True) if joint.parent == k]
@@ -142,8 +151,12 @@ def _mount(parts: _Parts, k: int, width: float) -> int:
     if base is not None and k in parts.tree.chain(links[base.body].last):
         return k  # no mechanism moves a floating base
     if joint.kind != "prismatic":
+        meeting = parts.meeting_axes(k)
         # The frame's third axis is that of the joint; a ball looks the same from all sides.
-        axis = parts.frames.axes[k][2] * (0.7 * width if joint.kind == "revolute" else TINY)
+        hinge = joint.kind == "revolute" and len(meeting) < 3
+        if not hinge and k > min(meeting, default=k):
+            return k  # the first axis is drawn as a ball
+        axis = parts.frames.axes[k][2] * (0.7 * width if hinge else TINY)
         ends = [parts.add(parts.frames.origin[k] + sign * axis) for sign in (1.0, -1.0)]
         parts.shapes.append(Shape(tuple(ends), "joint", 0.9 * width))
         return k
@@ -151,9 +164,10 @@ def _mount(parts: _Parts, k: int, width: float) -> int:
     low = float(along.min())
     high = float(along.max())
     start = parts.place_of(joint)
-    if low > 0.0:  # a cylinder, and its rod
-        parts.connect([start, parts.place_of(joint, low)], "cylinder", 1.1 * width)
-        parts.connect([start, k], "rod", 0.45 * width)
+    if low > 0.0:  # a cylinder, and the rod that comes out of it
+        end = parts.place_of(joint, 0.75 * low)
+        parts.connect([end, k], "rod", 0.5 * width)
+        parts.connect([start, end], "cylinder", 1.1 * width)
     else:  # a carriage on its rail
         rail = [parts.place_of(joint, low - width), parts.place_of(joint, high + width)]
         parts.connect(rail, "rod", 0.45 * width)
@@ -240,6 +254,7 @@ def move_with_torque(
     residual: Array | None = None,
     how: str = "",
     load: Point | None = None,
+    joint: str = "",
 ) -> Moving | None:
     """Return the robot along its motion, over torque of a joint; None if there is nothing to show.
 
@@ -264,6 +279,8 @@ def move_with_torque(
     how : str, optional
         Key of its text (`moving` of the sentences).
     load : Point, optional
+    joint : str
+        The joint that is shown, if it is another one.
     """
     if len(t) < 2 or not np.isfinite(torque).any():
         return None
@@ -275,44 +292,28 @@ def move_with_torque(
     else:  # over the variation of each joint, as errors are
         size = known.std(0).filled(0.0)
         share = np.nan_to_num(np.abs(residual) / np.where(size > 0, size, np.inf))
-    joint = int((share**2).mean(0).argmax())
-    last = len(motion.t) - 1
-    rows = np.searchsorted(motion.t, t[:end]).clip(0, last)
-    name = robot.joints[joint]
-    unit = robot.torque_units[joint]
+    name = joint or robot.joints[int((share**2).mean(0).argmax())]
+    k = robot.joints.index(name)
+    rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     how = how or ("loaded" if residual is None else "missed")
     word = "misses" if how == "missed" else "differs by"
-    each = zip(share[:, joint], np.isfinite(torque[:, joint]), strict=True)
+    each = zip(share[:, k], np.isfinite(torque[:, k]), strict=True)
     missed = [f"{name} {word} {100 * x:.0f} %" if known else name for x, known in each]
-    own = {what: y[:end, joint] for what, y in lines.items()}
+    own = {what: y[:end, k] for what, y in lines.items()}
     caption = sentence("moving", how, log=log, joint=name)
     if any(np.isnan(y).any() for y in own.values()):
         caption += sentence("moving", "gaps")
-    measured = ("grey", motion.q[rows])
-    moving = move_skeletons(
-        robot,
-        t[:end],
-        {"measured": measured},
-        lambda at: [] if residual is None else [[missed[k] for k in at]],
-        caption,
-        load,
-    )
+    poses = {"measured": ("grey", motion.q[rows])}
+    told = (lambda at: []) if residual is None else (lambda at: [[missed[row] for row in at]])
+    moving = move_skeletons(robot, t[:end], poses, told, caption, load)
     if moving is None:
         return None
-    times = t[:end] - t[0]
-    moving = replace(
-        moving,
-        torque=Trace.of(
-            for_svg(name),
-            unit,
-            times,
-            own,
-            POINTS,
-        ),
-    )
+    trace = Trace.of(for_svg(name), robot.torque_units[k], t[:end] - t[0], own, POINTS)
+    moving = replace(moving, torque=trace)
     if load is not None:  # as large in all frames
         marks = np.arange(moving.joints) == moving.joints - 1
-        return replace(moving, misses=np.tile(0.3 * marks, (moving.frames, 1)))
+        sizes = np.tile(0.3 * marks, (moving.frames, 1))
+        return replace(moving, misses=sizes, mark="blue")
     if residual is None:
         return moving
     owners = {dof: k for k, one in enumerate(robot.tree.joints) for dof in one.dofs}
@@ -343,29 +344,11 @@ def _ground(points: Array, robot: Robot, place: Callable[[Array], Array]) -> tup
     middle = (low + high) / 2 if robot.base is not None else np.zeros(2)
     height = float(np.nanmin(points @ up)) if robot.base is not None else 0.0
     size = max(float(np.nanmax(np.ptp(points, axis=0))), TINY)
-    steps = np.linspace(-size, size, 13)
-    edge = np.full_like(steps, size)
-    rows = np.stack([steps, -edge], 1)
-    columns = np.stack([-edge, steps], 1)
-    starts = np.concatenate([rows, columns]) + middle
-    row_ends = np.stack([steps, edge], 1)
-    column_ends = np.stack([edge, steps], 1)
-    ends = np.concatenate([row_ends, column_ends]) + middle
-    plane = np.stack([east, north])
-    first, last = (place(x @ plane + height * up)[:, :2] for x in (starts, ends))
-    return tuple(filter(len, map(_clip, first, last)))
-
-
-def _clip(first: Array, last: Array) -> Array:
-    """Return the part of a line from one place (2,) to another in the drawing, (2, 2) or (0, 2)."""
-    along = last - first
-    box = np.array([[0.0, 0.0], [WIDTH, HEIGHT]])
-    shares = (box - first) / np.where(along == 0, TINY, along)
-    enters = max(0.0, float(shares.min(0).max()))
-    leaves = min(1.0, float(shares.max(0).min()))
-    inside = [enters, leaves] if enters < leaves else []
-    part: Array = first + np.outer(inside, along)
-    return part
+    edges = np.meshgrid(np.linspace(-size, size, 13), [-size, size], indexing="ij")
+    rows = np.stack(edges, -1)
+    ends = np.concatenate([rows, rows[..., ::-1]]) + middle
+    corners = ends.reshape(-1, 2) @ np.stack([east, north]) + height * up
+    return tuple(place(corners)[:, :2].reshape(ends.shape))
 
 
 def _look(points: Array, robot: Robot) -> tuple[Callable[[Array], Array], float]:

@@ -12,6 +12,7 @@ from identifiability.foundation.findings import of_key
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, ModelEntry
+from identifiability.report.pages import comparison_moving
 
 ARM = "six-dof-arm"
 SCALED = [*DEFAULT_EFFECTS, "torque_scale@joint_3"]
@@ -46,7 +47,9 @@ def test_a_scale_that_a_model_has_is_that_of_logs_with_the_load(make_logs, plant
     )
     ladder = LadderEntry(models=[ModelEntry(name="one", effects=SCALED)])
     result = analyze(ARM, empty[0], ladder=ladder, replicates=0)
-    (change,) = compare(ARM, empty, loaded, ladder=ladder).changes
+    found = compare(ARM, empty, loaded, ladder=ladder)
+    (change,) = found.changes
+    assert comparison_moving(found).torque.name == change.felt.joint
     mass = payload(ARM, result, loaded[0], empty[1]).mass
     sizes = (change.sizes[0], change.sd[0]), (mass.value, mass.half / REACH)
     assert all(abs(x - planted.mass) < 3 * sd < 0.15 for x, sd in sizes)

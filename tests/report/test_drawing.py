@@ -40,7 +40,7 @@ def draw_all(names, value=1.0):
     wave = value * np.sin(9 * t)
     return [
         draw_first(names, value),
-        figures.draw_ladder(np.arange(k)[::-1] + 1.0, x, x, x, 0, k - 1),
+        figures.draw_ladder(np.arange(k)[::-1] + 1.0, x, x, x, 0),
         figures.draw_torque(t, wave, np.sin(9 * t), names[0], "N·m"),
         figures.draw_curve(t, wave, t, t, names[0], ("velocity [rad/s]", "torque [N·m]")),
         figures.draw_intervals(names, x, np.abs(x), "mass [kg]"),
@@ -88,8 +88,6 @@ def test_thin_lines_keep_their_peaks():
     rows = peak_rows((y,), 500)
     assert len(rows) <= 500
     assert (y[rows].max(), y[rows].min()) == (40, -40)
-    assert (np.diff(rows) > 0).all()
-    assert peak_rows((y[:5],), 500).tolist() == [0, 1, 2, 3, 4]
 
 
 def test_lines_are_broken_at_gaps():

@@ -27,6 +27,15 @@ function drawTraces(figure) {
       bands: data.names.includes("least allowed") && data.names.includes("largest allowed")
         ? [{ series: [3, 2], fill: `color-mix(in srgb, ${colour("--blue")} 9%, transparent)` }] : [],
       hooks: {
+        drawClear: [(u) => {  // where the first line breaks
+          const [x, y] = data.rows;
+          u.ctx.fillStyle = line;
+          for (const k of x.keys()) {
+            if (y[k] !== null || !x[k - 1] || !x[k + 1]) continue;
+            const [start, end] = [x[k - 1], x[k + 1]].map((t) => u.valToPos(t, "x", true));
+            u.ctx.fillRect(start, u.bbox.top, end - start, u.bbox.height);
+          }
+        }],
         setScale: [(u, key) => {
           const all = data.rows[0], { min, max } = u.scales.x;
           if (key === "x") reset.hidden = !(min > all[0] || max < all[all.length - 1]);
