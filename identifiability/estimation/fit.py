@@ -653,6 +653,12 @@ class Fit:
         return value - self.alternatives.shift
 
     @property
+    def used(self) -> Array:
+        """Values of the model as it is: physically consistent where they predict as well, (k,)."""
+        prior = self.shared.get("prior")
+        return self.estimate.value if prior is None else self.estimate.value + prior[0]
+
+    @property
     def sigma(self) -> Array:
         """Standard deviations of the labelled parameters, (k,)."""
         return np.linalg.norm(list(self.terms.values()), axis=0)

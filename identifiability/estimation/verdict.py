@@ -311,12 +311,20 @@ def _rule_alone(
 
 
 def _doubt(fit: Fit, k: int, ruling: Ruling, without: Verdict) -> Ruling:
-    """Return the ruling in doubt where missing effects change the verdict."""
+    """Return the ruling in doubt where missing effects change the verdict, or the value to use.
+
+    They change the value to use where the model as it is needs another one than the label, by more
+    than its error.
+    """
     lost = without.sure or without.flags == (Flag.NEGLIGIBLE,)
-    if not lost or (ruling.kind, ruling.flags) == (without.verdict, without.flags):
+    same = (ruling.kind, ruling.flags) == (without.verdict, without.flags)
+    apart = abs(fit.used[k] - fit.value[k]) > fit.sigma[k]
+    absorbs = apart and ruling.kind is not Class.NOT_IDENTIFIABLE
+    if not absorbs and (same or not lost):
         return ruling
-    kind = max(ruling.kind, without.verdict, key=list(Class).index)
-    reason = _say_missing(fit, k, without, ruling.percent)
+    least = Class.SIGN_ONLY if absorbs else ruling.kind
+    kind = max(ruling.kind, without.verdict, least, key=list(Class).index)
+    reason = _say_missing(fit, k, without, ruling.percent, "absorbs" if absorbs else "missing")
     return Ruling(kind, (Flag.IN_DOUBT,), reason, ruling.percent)
 
 
@@ -332,13 +340,14 @@ def _remark(fit: Fit, k: int, ruling: Ruling, robust: float) -> str:
     return text
 
 
-def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
+def _say_missing(fit: Fit, k: int, without: Verdict, percent: float, part: str) -> str:
     """Return why a parameter loses the verdict that it would have without missing effects."""
     assert fit.alternatives is not None
     told = {"what": fit.alternatives.names[k], "value": without.value, "share": percent / 100}
+    told["used"] = fit.used[k]
     told |= {"known": without.sigma_label_percent / 100, "word": without.word}
     seems = "seems to be" if fit.alternatives.named[k] else "may be"
-    return phrase("verdict", "missing", seems=seems, **told)
+    return phrase("verdict", part, seems=seems, **told)
 
 
 def _decide(certain: bool, percent: float, effect: float, rules: Thresholds) -> Ruling:
