@@ -150,7 +150,7 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
 
     answers = [a for a in result.answers() if not a.commands]
     every = VERBOSE.get()
-    said = [f"{a.question} {a.short} {a.text if every else ''}".rstrip() for a in answers]
+    said = [f"{a.question} {a.whole if every else a.short}" for a in answers]
     warnings = [f"Warning: {text}" for text in result.warnings]
     hints = list(result.remarks)
     shorts = [a.short for a in answers]

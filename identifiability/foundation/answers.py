@@ -267,9 +267,12 @@ class Answer:
     Attributes
     ----------
     question, short, text : str
+        The text has at most two sentences.
     tone : str
     commands : tuple of (purpose, command)
         Lines for the terminal, ready to copy, each with its purpose.
+    more : str
+        What a page tells in a section further down.
     """
 
     question: str
@@ -277,3 +280,9 @@ class Answer:
     text: str = ""
     tone: str = ""
     commands: tuple[tuple[str, str], ...] = ()
+    more: str = ""
+
+    @property
+    def whole(self) -> str:
+        """The short answer with all that explains it."""
+        return " ".join(filter(None, (self.short, self.text, self.more)))

@@ -70,7 +70,7 @@ class Presenter:
         """Return answers and warnings as text, one a line, without the next commands."""
         result = self.result
         asked = [a for a in result.answers() if not a.commands]
-        lines = [" ".join(filter(None, (a.question, a.short, a.text))) for a in asked]
+        lines = [f"{a.question} {a.whole}" for a in asked]
         return "\n".join([*lines, *result.warnings])
 
     def to_frame(self, *, details: bool = False) -> pd.DataFrame:
@@ -133,7 +133,8 @@ def in_words(shown: Any) -> Any:
     if isinstance(shown, tuple):
         return tuple(map(in_words, shown))
     if isinstance(shown, Answer):
-        return replace(shown, short=worded(shown.short), text=worded(shown.text))
+        short, text, more = map(worded, (shown.short, shown.text, shown.more))
+        return replace(shown, short=short, text=text, more=more)
     if isinstance(shown, Note):
         return replace(shown, title=worded(shown.title), text=worded(shown.text))
     return shown

@@ -35,7 +35,19 @@ from identifiability.foundation.wording import at_terminal
 
 from .answers.common import hint_note, note
 from .answers.python_lines import in_python
-from .blocks import Answers, Block, Notes, Picture, Section, kind_of, sort_key, words_of
+from .blocks import (
+    Answers,
+    Block,
+    Notes,
+    Picture,
+    Section,
+    Term,
+    Terms,
+    kind_of,
+    section,
+    sort_key,
+    words_of,
+)
 from .figures import TEMPLATES, mark_of
 
 if TYPE_CHECKING:
@@ -215,7 +227,10 @@ def build_page(result: Result) -> Page:
     values = [part for part in sections[:1] if set(map(kind_of, part.blocks)) <= {"table", "fold"}]
     statement = "" if shown.answers else result.statement
     remarks = [Notes(notes)] if notes else []
-    others = tuple(sections[len(values) :])
+    others = [*sections[len(values) :]]
+    told = tuple(Term(a.question, a.more) for a in shown.answers if a.more)
+    if told:
+        others.append(section("answers.more", Terms(told)))
     return Page(
         title=title,
         kind=result.schema,
@@ -227,7 +242,7 @@ def build_page(result: Result) -> Page:
             *remarks,
             *values,
         ),
-        sections=others,
+        sections=tuple(others),
     )
 
 

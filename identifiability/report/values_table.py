@@ -60,12 +60,7 @@ class _ModelRows:
     def show(self, name: str) -> Cell:
         """Return the value of a parameter, its error and verdict; the file's and the used value."""
         if name not in self.known:
-            base = self.structure.base
-            members = ({p.name for _, p in base.terms(row)} for row in range(len(base)))
-            groups = [n for n, of in zip(base.names, members, strict=True) if name in of]
-            others = [n for n in groups if n in self.known]
-            part = "combined" if others else "absent"
-            return Cell("–", np.nan, sentence("values", part, names=others))
+            return Cell("–", np.nan, self._explain_absence(name))
         verdict, used, why = self.known[name]
         sigma = verdict.sigma_label
         notes = [verdict.word]
@@ -77,12 +72,24 @@ class _ModelRows:
         return Cell(value, verdict.value, "; ".join(notes), verdict.look)
 
     def show_mass(self, row: dict[str, Any] | None) -> Cell:
-        """Return the mass of a body; that of the physical robot where others are added to it."""
+        """Return the mass of a body; only that of the file where others are added to it."""
         if row is None:
             return Cell("–", np.nan)
         name = f"{row['body']}.m"
         if name in self.known and " " not in self.known[name][0].label:
             return self.show(name)
-        alone = sentence("values", "alone")
-        file = sentence("values", "file", value=stated_text(row["mass_file"]))
-        return Cell(f"{stated_text(row['mass'])} kg", row["mass"], f"{alone}; {file}", "partly")
+        file = sentence("values", "file", value=f"{stated_text(row['mass_file'])} kg")
+        return Cell("–", np.nan, f"{self._explain_absence(name)}; {file}")
+
+    def _explain_absence(self, name: str) -> str:
+        """Return in which combinations a parameter is that has no value alone."""
+        base = self.structure.base
+        members = ({p.name for _, p in base.terms(row)} for row in range(len(base)))
+        groups = [n for n, of in zip(base.names, members, strict=True) if name in of]
+        others = [n for n in groups if n in self.known and n != name]
+        if others:
+            return sentence("values", "combined", names=others)
+        if groups:
+            return sentence("values", "alone")
+        absent = name not in {p.name for p in self.structure.parameters}
+        return sentence("values", "absent" if absent else "silent")

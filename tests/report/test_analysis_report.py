@@ -4,14 +4,13 @@ import re
 
 import pytest
 
-from identifiability.foundation.rounding import error_text
 from identifiability.report import write_result
 
 pytestmark = pytest.mark.pictures
 
 SECTIONS = (
     "values", "prediction", "parameters", "models", "correlated", "physics",
-    "motion", "thresholds", "provenance", "ledger",
+    "motion", "thresholds", "provenance", "ledger", "more",
 )  # fmt: skip
 
 
@@ -27,8 +26,7 @@ def test_the_answer_stands_at_the_top(html, paper_analysis):
     text = re.sub(r"<[^>]*>", "", top).replace("\u00a0", " ")
     for answer in paper_analysis.answers():
         assert answer.short in text
-    for number in ("85", "37", error_text(paper_analysis.chosen.error_ra_validation)):
-        assert number in text
+        assert answer.text.count(". ") < 2
 
 
 def test_all_sections_are_there_and_linked(html):

@@ -49,6 +49,7 @@ from .common import (
     command,
     grade_of,
     hint_note,
+    join_sentences,
     note,
     sentence,
     state_contradicted,
@@ -89,14 +90,16 @@ class LadderedPresenter(PredictingPresenter):
         """Return the recommended model, its error, and its reliability."""
         result = self.result
         use = after_mass(self.answer_use(), result.mass_warning)
-        short = [state_weight(result), use.short, _state_open(result), _state_determined(result)]
-        short.append(_state_cause(result))
-        use = replace(use, short=" ".join(filter(None, short)))
-        more = [sentence("laddered.measured", kind=result.validation_kind)]
+        short = join_sentences(state_weight(result), use.short, _state_open(result))
+        cause = _state_cause(result)
+        below = join_sentences(_state_determined(result), use.more, _state_departures(result))
+        use = replace(use, short=short, text=cause or use.text, more=below)
+        more = ""
         if not result.nothing:
-            more += [_state_own_means(result), _state_left_out(result)]
-            more.append(_state_file_error(result))
-        error = self.answer_error(" ".join(filter(None, more)), raw=result.left_out["raw"])
+            parts = _state_own_means(result), _state_left_out(result), _state_file_error(result)
+            more = join_sentences(*parts)
+        measured_on = sentence("laddered.measured", kind=result.validation_kind)
+        error = self.answer_error(measured_on, more, raw=result.left_out["raw"])
         if result.moved is not None:
             error = result.moved.lead(error)
         return use, error, answer_doubt(result)
@@ -177,7 +180,7 @@ class LadderedPresenter(PredictingPresenter):
         tilt = result.robot.tilt
         parts = [sentence("laddered.trust", "nothing", why=result.nothing)]
         if not result.nothing:
-            parts = [f"{a.short} {a.text}".rstrip() for a in result.answers()[:-1]]
+            parts = [a.whole for a in result.answers()[:-1]]
         if tilt is not None:
             parts.append(sentence("laddered.statement", "tilt", tilt=tilt.text))
         if result.moved is not None:
@@ -273,8 +276,9 @@ class AnalysisPresenter(LadderedPresenter):
         tone = "blue" if chosen.feasible else "amber"
         use = sentence(about, "use", name=chosen.name)
         count = len(chosen.submodel)
-        text = f"{use} {size} {state_physics(result)}"
-        return answer(about, part, text, tone, found=found_cell(chosen).text, count=count)
+        text = f"{use} {state_physics(result)}"
+        found = found_cell(chosen).text
+        return replace(answer(about, part, text, tone, found=found, count=count), more=size)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
@@ -445,13 +449,16 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
 
 
 def state_physics(result: Laddered[Any]) -> str:
-    """Return the values in use, and those that differ from the estimates."""
+    """Return the values in use."""
+    return sentence("decision.physics", "used" if result.chosen.physical_used else "free")
+
+
+def _state_departures(result: Laddered[Any]) -> str:
+    """Return the values in use that differ from the estimates."""
     chosen = result.chosen
-    used = "used" if chosen.physical_used else "free"
     each = zip(chosen.submodel.columns, chosen.departures, strict=True)
     names = [f"{name} ({text})" for name, text in each if text]
-    more = sentence("decision.left", "names", names=names) if names else ""
-    return f"{sentence('decision.physics', used)} {more}".rstrip()
+    return sentence("decision.left", "names", names=names) if names else ""
 
 
 def state_weight(result: Laddered[Any]) -> str:

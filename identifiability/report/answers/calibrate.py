@@ -65,7 +65,7 @@ class CalibrationPresenter(AnsweringPresenter):
     def statement(self) -> str:
         """Return the answer in plain words, with warnings and remarks on the logs."""
         result = self.result
-        texts = [f"{a.short} {a.text}".strip() for a in result.answers()[:3]]
+        texts = [a.whole for a in result.answers()[:3]]
         return "\n".join([*texts, *result.warnings, *result.remarks])
 
     def warnings(self) -> tuple[str, ...]:

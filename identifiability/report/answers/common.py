@@ -45,6 +45,11 @@ def words(name: str, /, **holes: Any) -> dict[str, Any]:
     return {what: fill(text, holes) for what, text in WORDS[name].items()}
 
 
+def join_sentences(*texts: str) -> str:
+    """Return the texts that say something as one text."""
+    return " ".join(filter(None, texts))
+
+
 def sentence(name: str, what: str = "text", /, **holes: Any) -> str:
     """Return one of the words of some name, with its holes filled."""
     return fill(WORDS[name][what], holes)
@@ -181,14 +186,15 @@ class PredictingPresenter(AnsweringPresenter):
         """Return whether the page says elsewhere that its numbers need care."""
         return bool(self.result.warnings)
 
-    def answer_error(self, more: str, **known: Any) -> Answer:
+    def answer_error(self, text: str, more: str = "", **known: Any) -> Answer:
         """Return the error of the predictions; arguments as of `answer_quality`."""
         error, each, sizes = self.errors()
         robot = self.result.robot
         pairs = zip(sizes.tolist(), robot.torque_units, strict=True)
         rms = [f"{format_number(size, 2)} {unit}" for size, unit in pairs]
         reserved = self.reserved()
-        stated = answer_quality(error, robot.joints, each, rms, more, reserved=reserved, **known)
+        stated = answer_quality(error, robot.joints, each, rms, text, reserved=reserved, **known)
+        stated = replace(stated, more=join_sentences(stated.more, more))
         joint, worst = worst_joint(robot.joints, each)
         if not (joint and errs_unevenly(error, worst)):
             return stated
@@ -197,7 +203,8 @@ class PredictingPresenter(AnsweringPresenter):
         noisy = sentence("quality", "noisy", joint=joint)
         remedy = sentence("quality", "quieter")
         short = f"{stated.short} {noisy}"
-        return replace(stated, short=short, text=f"{remedy} {stated.text}")
+        below = join_sentences(stated.text, stated.more)
+        return replace(stated, short=short, text=remedy, more=below)
 
 
 def answer_quality(
@@ -205,7 +212,7 @@ def answer_quality(
     joints: Sequence[str],
     each: Array,
     rms: Sequence[str],
-    more: str,
+    text: str,
     question: str = "",
     raw: float = math.nan,
     reserved: bool = False,
@@ -222,7 +229,7 @@ def answer_quality(
         The same of each joint over its own scale; nan where its torque was not measured.
     rms : sequence of str
         The root mean square of each joint's error with its unit.
-    more : str
+    text : str
         What it was measured on.
     question : str
         In place of the usual one.
@@ -246,12 +253,12 @@ def answer_quality(
     poor = tone == "vermilion"
     if reserved and tone == "green":
         tone = "grey"
-    parts = [sentence("decision.uses", grade)] if poor or not reserved else []
+    if poor or not reserved:
+        text = join_sentences(sentence("decision.uses", grade), text)
+    found = answer("quality", part, text, tone, question=question, error=error, worst=worst)
     # A filter makes a difference.
-    if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
-        parts.append(sentence("quality", "raw", raw=raw))
-    text = " ".join([*parts, more]).rstrip()
-    return answer("quality", part, text, tone, question=question, error=error, worst=worst)
+    filtered = np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6)
+    return replace(found, more=sentence("quality", "raw", raw=raw) if filtered else "")
 
 
 def worst_joint(joints: Sequence[str], each: Array) -> tuple[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,7 +61,7 @@ class ComparisonPresenter(AnsweringPresenter):
         tone = "vermilion" if result.changes else "green"
         changed = Answer(question, result.answer, tone=tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
-        trust = answer("comparison.trust", "logs", why, "amber")
+        trust = replace(answer("comparison.trust", "logs", "", "amber"), more=why)
         cause = _answer_cause(result)
         return changed, *cause, trust
 

@@ -228,13 +228,13 @@ def _answer_bending(found: Bending) -> Answer:
         return Answer(question, sentence(about, "lost", why=found.lost), "", "grey")
     if not found.joints:
         told = sentence(about, "told", band=found.band, bandwidth=found.bandwidth)
-        return Answer(question, sentence(about, "none"), told, "green")
+        return Answer(question, sentence(about, "none"), "", "green", more=told)
     each = [
         sentence(about, "one", joint=x.joint, resonance=measured(x.resonance, x.resonance_sd, "Hz"))
         for x in found.joints
     ]
     how = sentence(about, "how", bandwidth=found.bandwidth)
-    return Answer(question, f"{join(each, NAMED)}.", how, "vermilion")
+    return Answer(question, f"{join(each, NAMED)}.", "", "vermilion", more=how)
 
 
 def _list_bending(d: Diagnosis) -> Iterator[tuple[Any, ...]]:

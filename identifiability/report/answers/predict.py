@@ -47,10 +47,10 @@ class TorquePredictionPresenter(PredictingPresenter):
         """Return the predicted logs, the error, and whether to trust it."""
         result = self.result
         known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
-        more = sentence("prediction.what", "measured", logs=known) if known else ""
+        text = sentence("prediction.what", "measured", logs=known) if known else ""
         question = sentence("prediction.what", "good")
         part = "along" if {*result.logs} & {*result.fit.sides[0]} else "error"
-        error = self.answer_error(more, question=question, raw=result.error_ra_raw, part=part)
+        error = self.answer_error(text, question=question, raw=result.error_ra_raw, part=part)
         about = error, _answer_intervals(result), _answer_what(result)
         return about if known else about[::-1]
 
