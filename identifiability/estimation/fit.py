@@ -543,8 +543,7 @@ class Fit:
     motions : Motions or None
         Agreement of the logs; None of one log, or of too short ones.
     shared : mapping of str to (w, k)
-        Errors that move all samples alike, so that no residual can show them. ``noise``: the error
-        that the preparation of positions leaves, which is like noise but not white. ``delay``: one
+        Errors that move all samples alike, so that no residual can show them. ``delay``: one
         standard deviation of the delay of each log's commands. ``bias``: of the bias that noise in
         the motion leaves. ``prior``: distance of the nearest physically consistent values, where
         the estimate does not surely predict better. If the data cannot decide between the two,

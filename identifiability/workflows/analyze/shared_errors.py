@@ -28,9 +28,7 @@ class SharedErrors:
 
     ``delay`` is due to delays and gains of servos. ``bias`` is due to noise in computed derivatives
     below the cut-off, where no second record of the motion removes it. Adding the same noise again
-    moves the values by the bias that they already have [Cook 1994]. ``noise`` is due to the
-    low-pass, for logs with almost no noise. Preparing the motion once more moves the values by as
-    much.
+    moves the values by the bias that they already have [Cook 1994].
 
     Attributes
     ----------
@@ -74,10 +72,6 @@ def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
         rng = np.random.default_rng
         noisier = {k: noise_again(log, rng(0)) for k, log in fitted if not log.long}
         others["bias"] = (_gather_again(rows.data, noisier),)
-    elif nearly_exact(rows):
-        regression = rows.data.structure.regression(prepare_again(rows))
-        information = gather_information(regression)
-        others["noise"] = (with_known(information, rows.data.structure.known),)
     return SharedErrors(rows.unweighted, others, rows.estimator)
 
 
@@ -104,69 +98,6 @@ def _motion_is_noisy(rows: WeightedRows) -> bool:
     """Return whether noise of the motion reaches the columns and nothing else accounts for it."""
     accounted = rows.estimator.instruments or rows.data.recordings.commanded
     return _has_loud_motion(rows.data) and not accounted
-
-
-def nearly_exact(rows: WeightedRows) -> bool:
-    """Return whether the torque has so little noise that the preparation's error may matter.
-
-    This applies to logs with computed derivatives that fit in memory.
-    """
-    data = rows.data
-    information = rows.unweighted
-    if _has_loud_motion(data) or data.recordings.commanded:
-        return False
-    samples = data.samples
-    if any(own.long for own in samples) or all(own.cutoff is None for own in samples):
-        return False
-    fit = rows.estimator.fit(information)
-    share = np.sqrt(fit.rss / np.maximum(information.torque, np.finfo(float).tiny))
-    return bool((share < LOG_RULES.small).all())
-
-
-def prepare_again(rows: WeightedRows) -> list[Dataset]:
-    """Return the fitted samples with the fitted robot's torque, and their motion prepared again.
-
-    The fitted robot explains that torque along the motion as it was prepared first. So the change
-    of the values is the error of one preparation.
-
-    Parameters
-    ----------
-    rows : WeightedRows
-    """
-    data = rows.data
-    structure = rows.data.structure
-    base = rows.estimator.fit(rows.unweighted).value
-    phi = np.linalg.lstsq(structure.G, base, rcond=None)[0]
-    found = list[Dataset]()
-    for log, samples in zip(data.recordings.fitted, data.samples, strict=True):
-        torque = structure.torque_along(samples.motion, phi)
-        exact = replace(samples, tau=torque, instrument=None)
-        if samples.cutoff is not None:
-            exact = _move_again(structure.robot, log, exact, data.preparation)
-        found.append(exact)
-    return found
-
-
-def _move_again(robot: Robot, log: Log, prepared: Dataset, how: Preparation) -> Dataset:
-    """Return samples whose motion is prepared once more, if that keeps all of them."""
-    motion = prepared.motion
-    dq = None if log.dq is None else motion.actuated_v
-    measured = Log(
-        name=prepared.name,
-        joints=robot.joints,
-        t=motion.t,
-        q=motion.actuated_q,
-        tau=prepared.tau,
-        dq=dq,
-        ddq=None,
-        sha256=prepared.sha256,
-        drives_alone=log.drives_alone,
-    )
-    again = prepare_log(robot, measured, how).motion
-    kept = len(again) == len(motion)
-    if kept:
-        return replace(prepared, motion=replace(again, kept=motion.kept))
-    return prepared
 
 
 def _gather_again(data: Data, logs: Mapping[int, Log]) -> Information:
