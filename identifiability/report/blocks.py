@@ -250,8 +250,8 @@ class Moving:
         """Start and width of each stretch without torque, in the box of `PLOT` pixels."""
         if self.torque is None:
             return []
-        known = np.isfinite(np.array([*self.torque.lines.values()])).any(0)
-        rows = np.flatnonzero(known)
+        measured, *_ = self.torque.lines.values()
+        rows = np.flatnonzero(np.isfinite(measured))
         ends = np.flatnonzero(np.diff(rows) > 1)
         x = PLOT[0] / (self.t[-1] - self.t[0]) * np.array(self.torque.t)[rows]
         return [(float(x[k]), float(x[k + 1] - x[k])) for k in ends]
@@ -275,7 +275,8 @@ class Moving:
                 places[seen].round(1).tolist(),
                 strict=True,
             )
-            paths.append((name, tone, "".join(f"{'ML'[not b]}{p[0]} {p[1]}" for b, p in steps)))
+            shown = "vermilion" if name == "residual" else tone
+            paths.append((name, shown, "".join(f"{'ML'[not b]}{p[0]} {p[1]}" for b, p in steps)))
         return paths
 
 
@@ -285,9 +286,9 @@ def _draw_path(places: Array) -> str:
     return f"M{'L'.join(steps)}"
 
 
-#: Size of the drawing of torque [px], and the colours of its lines.
+#: Size of the drawing of torque [px], and the colours of its lines but a residual.
 PLOT = (400, 110)
-PLOT_TONES = ("grey", "blue", "vermilion")
+PLOT_TONES = ("grey", "blue", "purple", "sky")
 
 
 @frozen

@@ -126,8 +126,9 @@ def comparison_moving(result: Comparison) -> Moving | None:
     motion = result.motion
     torque = result.torque
     t = torque.t
-    left = torque.measured
-    lines = {"residual": left} | ({"what changed": torque.explained} if result.changes else {})
+    lines = {"as measured": torque.measured}
+    if result.changes:
+        lines["by the change"] = torque.explained
     log, _ = shorten_paths((result.after[torque.log], result.before[0]))
     # Noise alone marks no joint.
     shown, how = (torque.explained, "changed") if result.changes else (None, "same")
@@ -631,7 +632,7 @@ def prediction_sections(result: TorquePrediction) -> list[Section]:
 
 
 #: Colours of the robots, in their order: those of their lines below (`traces.js`).
-TONES = ("blue", "vermilion", "purple")
+TONES = ("blue", "purple", "sky")
 
 
 def rollout_heading(result: PositionPrediction) -> tuple[str, str]:

@@ -9,7 +9,8 @@ function drawTraces(figure) {
     const data = JSON.parse(button.dataset.trace);
     if (plot) plot.destroy();
     const [ink, line] = [colour("--muted"), colour("--line")];
-    const strokes = [colour("--muted"), colour("--blue"), colour("--vermilion"), colour("--purple")];
+    const strokes = [colour("--muted"), colour("--blue"), colour("--purple"), colour("--sky"), colour("--green")];
+    const paint = (name, k) => (name === "residual" ? colour("--vermilion") : strokes[k]);
     const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
     const limit = (name) => name.endsWith(" allowed");
     const digits = (u, x) => (x == null ? "\u2014" : Number(x.toPrecision(4)).toString());
@@ -20,7 +21,7 @@ function drawTraces(figure) {
       legend: { live: true },
       axes: [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
-        label: name, stroke: limit(name) ? colour("--blue") : strokes[k], width: k ? 1.4 : 2.6,
+        label: name, stroke: limit(name) ? colour("--blue") : paint(name, k), width: k ? 1.4 : 2.6,
         value: digits, dash: limit(name) ? [6, 4] : [],
         points: { show: false },
       }))],
