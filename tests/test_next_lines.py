@@ -111,7 +111,9 @@ def test_every_line_that_is_proposed_works_where_it_is_printed(typed, logs, tmp_
         call(shlex.split(f"analyze {GIVEN} --json result.json"))
     lines = check(typed, tmp_path)
     if typed.startswith("predict robot.xml result.json a"):
-        assert lines[0].endswith("diagnose robot.xml a.csv --validate b.csv --report missing.html")
+        assert lines[0].endswith(
+            "diagnose robot.xml a.csv --validate b.csv --out model.toml --report missing.html"
+        )
     if "mine.json" in typed and typed.startswith(("diagnose", "prune")):
         assert not any(line.startswith(f"identifiability {typed.split()[0]}") for line in lines)
 

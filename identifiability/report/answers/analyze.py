@@ -107,7 +107,7 @@ class LadderedPresenter(PredictingPresenter):
     def commands(self) -> list[Command]:
         """Return at most three lines for the terminal, the most useful first."""
         result = self.result
-        verb = "prune" if "pruning" in result.schema else "analyze"
+        verb = self.verb
         names = given_paths(result.samples)
         how = result.settings["preparation"]
         logs = commands.name_logs(result.robot, names, how=how)
@@ -251,6 +251,8 @@ class LadderedPresenter(PredictingPresenter):
 
 class AnalysisPresenter(LadderedPresenter):
     """Answers of `analyze`."""
+
+    verb = "analyze"
 
     result: Analysis
 
