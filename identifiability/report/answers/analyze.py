@@ -276,7 +276,8 @@ class AnalysisPresenter(LadderedPresenter):
             return answer(about, "nothing", size)
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
-        use = sentence(about, "use", name=chosen.name)
+        described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
+        use = sentence(about, "use", name=f"{chosen.name}{described}")
         count = len(chosen.submodel)
         text = f"{use} {state_physics(result)}"
         found = found_cell(chosen).text
