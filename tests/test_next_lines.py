@@ -111,9 +111,11 @@ def test_every_line_that_is_proposed_works_where_it_is_printed(typed, logs, tmp_
         call(shlex.split(f"analyze {GIVEN} --json result.json"))
     lines = check(typed, tmp_path)
     if typed.startswith("predict robot.xml result.json a"):
-        assert lines[0].endswith("diagnose robot.xml a.csv --validate b.csv --report missing.html")
-    if "mine.json" in typed and typed.startswith(("diagnose", "prune")):
-        assert not any(line.startswith(f"identifiability {typed.split()[0]}") for line in lines)
+        assert lines[0].endswith("b.csv --out model.toml --report missing.html")
+    if typed.startswith(("analyze", "diagnose", "prune")):
+        again = any(line.startswith(f"identifiability {typed.split()[0]} ") for line in lines)
+        assert again == ("reruns this" in (tmp_path / "page.html").read_text("utf-8"))
+        assert not again or "mine" not in typed
 
 
 #: Options of a command that only say where its result is written.

@@ -115,7 +115,7 @@ def test_torque_without_relation_to_motion_prunes_to_nothing(arm, tmp_path):
     assert content["statement"] == out.statement
     assert content["nothing"] == WORSE
     assert WORSE in page
-    assert "0 of 13 parameters are worth using" in page
+    assert "use none of the 13 parameters" in page
     assert {m["identifiable"] for m in content["models"]} == {0}
     rows = content["parameters"] + content["full_parameters"]
     assert {r["verdict"] for r in rows} == {"not identifiable"}

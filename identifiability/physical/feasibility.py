@@ -14,6 +14,7 @@ from identifiability.effects.vocabulary import file_values
 from identifiability.estimation.estimator import clip_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, Folds, HeldOut, Score
 from identifiability.foundation.engines import one_thread
+from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF, or_one
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
@@ -411,11 +412,11 @@ class Certificate:
             return f"A real robot has these base parameters (margin {self.margin:.2g})."
         size = np.abs(self.combination)
         terms = [i for i in np.argsort(-size) if size[i] > RULES.left_out * size.max()]
-        text = " ".join(f"{self.combination[i]:+.3g}·[{names[i]}]" for i in terms)
+        bounds = " within the bounds" if self.level else ""
+        text = listing([f"{self.combination[i]:+.3g}·[{names[i]}]" for i in terms], 4)
         return (
-            f"No real robot has these base parameters: {text} is at least {self.level:.3g} for any "
-            f"real bodies{' within the bounds' if self.level else ''}, and {self.value:.3g} was "
-            "found."
+            f"No real robot has these base parameters: the sum of {text} is at least "
+            f"{self.level:.3g} for any real bodies{bounds}, and {self.value:.3g} was found."
         )
 
 

@@ -53,14 +53,17 @@ from .values_table import joint_values
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    about = f"{count_joints(analysis.robot)} · {fitted_logs(analysis.samples)}"
+    about = f"{count_joints(analysis.robot)} · {count_logs(analysis)}"
     return "Identifiability report", f"{analysis.robot.path.name} · {about}"
 
 
-def fitted_logs(samples: Sequence[Dataset]) -> str:
-    """Return the number of fitted logs, and of their prepared rows."""
-    rows = sum(log.survey.kept for log in samples)
-    return f"{format_count(len(samples), 'log')} with {format_count(rows, 'row')}"
+def count_logs(result: Laddered[Any]) -> str:
+    """Return the number of fitted logs with that of their rows, and of held-out logs."""
+    rows = format_count(sum(log.survey.kept for log in result.samples), "row")
+    fitted = f"{format_count(len(result.samples), 'fitted log')} ({rows})"
+    if result.validation:
+        return f"{fitted}, {format_count(len(result.validation), 'held-out log')}"
+    return fitted
 
 
 def drawn_torque(out: Prediction) -> tuple[Array, Array]:
@@ -395,7 +398,7 @@ def posterior_table(analysis: Analysis) -> Table | None:
 
 def pruning_heading(ladder: Ladder) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    return "Pruning report", f"{ladder.robot.path.name} · {fitted_logs(ladder.samples)}"
+    return "Pruning report", f"{ladder.robot.path.name} · {count_logs(ladder)}"
 
 
 def pruning_below(ladder: Ladder) -> Picture:

@@ -188,7 +188,7 @@ def test_the_command_answers_first_and_writes_what_was_asked(
     words = [ARM, result, loaded, "--without", bare, "--report", page, "--json", data]
     out = succeeds("payload", *words)
     assert " kg ± " in out.stdout.splitlines()[0]
-    assert "at body link_6" in out.stdout.splitlines()[0]
+    assert "hangs on link_6" in out.stdout.splitlines()[0]
     content = json.loads(data.read_text())
     assert content["schema"] == "identifiability/payload/1"
     by = {q["name"]: q for q in content["quantities"]}

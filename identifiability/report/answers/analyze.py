@@ -107,7 +107,7 @@ class LadderedPresenter(PredictingPresenter):
     def commands(self) -> list[Command]:
         """Return at most three lines for the terminal, the most useful first."""
         result = self.result
-        verb = "prune" if "pruning" in result.schema else "analyze"
+        verb = self.verb
         names = given_paths(result.samples)
         how = result.settings["preparation"]
         logs = commands.name_logs(result.robot, names, how=how)
@@ -252,6 +252,8 @@ class LadderedPresenter(PredictingPresenter):
 class AnalysisPresenter(LadderedPresenter):
     """Answers of `analyze`."""
 
+    verb = "analyze"
+
     result: Analysis
 
     def asked(self) -> tuple[Answer, ...]:
@@ -274,7 +276,8 @@ class AnalysisPresenter(LadderedPresenter):
             return answer(about, "nothing", size)
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
-        use = sentence(about, "use", name=chosen.name)
+        described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
+        use = sentence(about, "use", name=f"{chosen.name}{described}")
         count = len(chosen.submodel)
         text = f"{use} {state_physics(result)}"
         found = found_cell(chosen).text

@@ -132,15 +132,19 @@ def validate_options(paths: Iterable[str]) -> str:
 
 
 def diagnose_lines(fit: Fit) -> list[str]:
-    """Return the line that finds the effects that a fitted model lacks, if it lacks any.
+    """Return the lines that find the effects that a fitted model lacks, and refit with them.
 
-    It fits the logs of the fit, and writes no model: an earlier one may be there.
+    They fit the logs of the fit. There are none if it lacks no effect.
     """
     fitted, unseen = fit.sides
     if not (fitted and fit.missing):
         return []
     logs = f"{name_logs(fit.robot, fitted)}{validate_options(unseen)}"
-    return [f"diagnose {source_name(fit.robot)} {logs} --report missing.html"]
+    given = f"{source_name(fit.robot)} {logs}"
+    return [
+        f"diagnose {given} --out model.toml --report missing.html",
+        f"analyze {given} --ladder model.toml --json refitted.json",
+    ]
 
 
 def on_file(result: Result, kind: str, name: str, make: str, use: Callable[[str], str]) -> str:

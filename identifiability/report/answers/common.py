@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -134,7 +134,15 @@ def command(purpose: str, line: str) -> Command:
 
 
 class AnsweringPresenter(Presenter, ABC):
-    """Presenter of a result whose page answers questions and proposes commands."""
+    """Presenter of a result whose page answers questions and proposes commands.
+
+    Attributes
+    ----------
+    verb : str
+        A proposed line that begins with it runs this command again.
+    """
+
+    verb: ClassVar[str] = ""
 
     @abstractmethod
     def asked(self) -> Sequence[Answer]:
@@ -155,8 +163,17 @@ class AnsweringPresenter(Presenter, ABC):
         asked = tuple(self.asked())
         if not commands:
             return asked
-        following = answer("next", "one" if len(commands) == 1 else "some")
-        return (*asked, replace(following, commands=commands))
+        again = f"identifiability {self.verb} "
+        lines = tuple(
+            (
+                sentence("next", "again", what=what.rstrip(":"))
+                if line.startswith(again)
+                else what,
+                line,
+            )
+            for what, line in commands
+        )
+        return (*asked, replace(answer("next", "run"), commands=lines))
 
 
 class PredictingPresenter(AnsweringPresenter):

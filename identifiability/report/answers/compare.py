@@ -59,7 +59,9 @@ class ComparisonPresenter(AnsweringPresenter):
         every, k = shorten_paths((*result.before, *result.after)), len(result.before)
         question = sentence("comparison.how", "question", before=every[:k], after=every[k:])
         tone = "vermilion" if result.changes else "green"
-        changed = Answer(question, result.answer, tone=tone)
+        loads = any(change.kind == "load" for change in result.changes)
+        text = sentence("comparison.how", "load") if loads else ""
+        changed = Answer(question, result.answer, text, tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = replace(answer("comparison.trust", "logs", "", "amber"), more=why)
         cause = _answer_cause(result)

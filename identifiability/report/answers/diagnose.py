@@ -56,6 +56,8 @@ TORQUE_UNITS = ("N·m", "N")
 class DiagnosisPresenter(PredictingPresenter):
     """Answers of `diagnose`."""
 
+    verb = "diagnose"
+
     result: Diagnosis
 
     brief = (
@@ -291,17 +293,12 @@ def _state_search(d: Diagnosis) -> str:
     rows = "restored" if d.problem.restored else "changed"
     parts += [sentence(about, rows, name=_capital(c.called)) for c in d.changes]
     if not d.effects:
-        why = sentence(about, "none") if d.evidence else _state_untried(d)
-        part = "fixed" if d.fixed else "fitted"
-        model = d.known.words
-        error = d.held_before
-        verified = d.verified_on
-        parts.append(sentence(about, part, why=why, model=model, error=error, verified=verified))
+        parts.append(sentence(about, "none") if d.evidence else _state_untried(d))
     return " ".join(parts)
 
 
 def _state_untried(d: Diagnosis) -> str:
-    """Return why no family was tried, and the beginning of the sentence after that."""
+    """Return why no family was tried."""
     about = "diagnosis.missing"
     if d.nothing:
         return sentence(about, "because", why=d.nothing)

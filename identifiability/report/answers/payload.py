@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,7 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, measured
 
 from .commands import diagnose_lines, name_logs
-from .common import AnsweringPresenter, Command, answer, command, sentence
+from .common import AnsweringPresenter, Command, answer, command, join_sentences, sentence
 from .tables import make_table, span_cell
 
 if TYPE_CHECKING:
@@ -40,10 +40,16 @@ class LoadPresenter(AnsweringPresenter):
         logs = name_logs(result.robot, result.logs)
         fit, body = result.fit, option_for_shell("--body", result.body)
         fitted = path_for_shell(fit.origin if fit else "EMPTY.csv")
-        call = f"payload {self.robot} {fitted} {logs} {body}"
-        out = [command("missing", line) for line in (diagnose_lines(fit) if fit else ())]
+        held = "".join(f" --without {path_for_shell(path)}" for path in result.without)
+        out = []
+        if fit and (lines := diagnose_lines(fit)):
+            again = f"payload {self.robot} refitted.json {logs} {body}{held}"
+            find, refit = lines
+            refit += f" && identifiability {again}"
+            out = [command("missing", find), command("weigh_again", refit)]
         if not (result.without or result.gains):
-            out.insert(0, command("weigh", f"{call} --without empty.csv"))
+            weigh = f"payload {self.robot} {fitted} {logs} {body} --without empty.csv"
+            out.insert(0, command("weigh", weigh))
         begun = name_logs(result.robot, result.logs, "--start-from")
         return [*out, command("motion", f"excite {self.robot} {begun} --out next.json")]
 
@@ -53,7 +59,9 @@ class LoadPresenter(AnsweringPresenter):
 
     def caveats(self) -> tuple[str, ...]:
         """Return the reasons to doubt the answer, and the remedy."""
-        lacks = self.result.estimate.lacks
+        places = {name.rpartition(" in ")[2] for name in _list_missing(self.result)}
+        every = self.result.estimate.lacks
+        lacks = [name for name in every if name.rpartition(" in ")[2] not in places]
         if not lacks:
             return ()
         cause = sentence("payload.how", "lacks", lacks=lacks)
@@ -80,6 +88,11 @@ class LoadPresenter(AnsweringPresenter):
         return by_name(pd.DataFrame([{**asdict(q), "told": q.told} for q in shown]))
 
 
+def _list_missing(result: Load) -> tuple[str, ...]:
+    """Return the effects that the fit without the load lacks."""
+    return result.fit.missing if result.fit else ()
+
+
 def _state_load(result: Load) -> str:
     """Return mass and where, in one sentence."""
     about, mass, body = "payload.load", result.mass, result.body
@@ -89,6 +102,10 @@ def _state_load(result: Load) -> str:
         return sentence(about, "nothing", body=body, most=mass.high)
     value = measured(mass.value, mass.sigma, "kg")
     centre = result.quantities[1:4]
+    if result.scale.contradicts:
+        raw = result.as_measured[0]
+        reading = measured(raw.value, raw.sigma, "kg")
+        return sentence(about, "either", raw=reading, mass=value, body=body)
     if not all(q.told for q in centre):
         return sentence(about, "mass", mass=value, body=body)
     at = ", ".join(measured(q.value, q.sigma) for q in centre)
@@ -111,21 +128,20 @@ def _answer_load(result: Load) -> Answer:
         nothing = np.isfinite(result.mass.sigma)
         text = sentence("payload.load", "entered") if nothing else ""
         return Answer(question, result.answer, text, "amber")
-    return Answer(question, result.answer, _state_readings(result), "blue")
+    doubtful = result.scale.contradicts
+    tone, text = ("amber", sentence("payload.scale", "check")) if doubtful else ("blue", "")
+    return Answer(question, result.answer, text, tone, more=_state_readings(result))
 
 
 def _state_readings(result: Load) -> str:
-    """Return the mass as measured, and what torque constants that are off make of it."""
-    scale, raw, mass = result.scale, result.as_measured[0], result.mass
-    measured_mass = measured(raw.value, raw.sigma, "kg")
+    """Return how sure the torque constants are, and the mass if they are right."""
+    scale, raw = result.scale, result.as_measured[0]
+    mass = measured(raw.value, raw.sigma, "kg")
     if np.isnan(scale.ratio):
-        return sentence("payload.scale", "prior", percent=100.0 * scale.sd, raw=measured_mass)
+        return sentence("payload.scale", "prior", percent=100.0 * scale.sd, raw=mass)
+    part = "contradicts" if scale.contradicts else "agrees"
     low, high = scale.ratio_interval
-    about = {"ratio": scale.ratio, "low": low, "high": high, "raw": measured_mass}
-    if not scale.contradicts:
-        return sentence("payload.scale", "agrees", **about)
-    corrected = measured(mass.value, mass.sigma, "kg")
-    return sentence("payload.scale", "contradicts", **about, value=corrected)
+    return sentence("payload.scale", part, ratio=scale.ratio, low=low, high=high, raw=mass)
 
 
 def _answer_known(result: Load) -> Answer:
@@ -150,11 +166,12 @@ def _answer_trust(result: Load) -> Answer:
         part = "scale"
     if result.warnings:
         part = "warning"
-    if result.caveats:
+    if result.caveats or _list_missing(result):
         part = "robot"
     names = [c.called for c in changes]
     found = sentence(about, "found", names=names) if changes else ""
-    return answer(about, part, " ".join(filter(None, [text, found, *result.caveats])))
+    more = join_sentences(found, *result.caveats)
+    return replace(answer(about, part, text), more=more)
 
 
 def _answer_gains(result: Load) -> Answer:

@@ -72,7 +72,7 @@ class TorquePredictionPresenter(PredictingPresenter):
         measured = [name for name, known in pairs if known]
         line = f"predict {self.robot} {given} {every} --out torque.csv"
         table = [command("samples", line)] if result.written("table") is None else []
-        missing = [command("missing", line) for line in diagnose_lines(result.fit)]
+        missing = [command("missing", line) for line in diagnose_lines(result.fit)[:1]]
         if _find_few(result) and result.fit.sides[0]:
             paths = result.fit.sides[0][0], *measured
             return [command("compare", compare_line(result.robot, paths, None)), *missing, *table]

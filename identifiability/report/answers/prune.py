@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 class LadderPresenter(LadderedPresenter):
     """Answers of `prune`."""
 
+    verb = "prune"
+
     result: Ladder
 
     def validation_kind(self) -> str:
