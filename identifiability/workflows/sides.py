@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import find_families
+from identifiability.effects.base import apply_tilt
 from identifiability.estimation.differences import (
     EXCERPT,
     LACKS,
@@ -114,15 +115,17 @@ def find_differences(
     weights : sequence of Candidate
         Weights of loads without their inertia.
     """
-    robot = structure.robot
+    stated = dict(zip(structure.base.names, known.base.tolist(), strict=True))
+    # A load hangs from the base as it stands, and the model may have found that this is tilted.
+    robot, _ = apply_tilt(structure.robot, stated)
     motions = [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
     # Torque of a wrong scale, which the model has found, is read as it should have been.
-    stated = dict(zip(structure.base.names, known.base.tolist(), strict=True))
     gain = 1.0 + np.array([stated.get(f"{joint}.scale", 0.0) for joint in robot.joints])
     base = [0.0 if name.endswith(".scale") else x for name, x in stated.items()]
     known = replace(known, base=np.array(base))
-    rows = Compared.about(replace(seen, y=seen.y / gain, raw=seen.raw / gain), known)
+    read = replace(seen, robot=robot, y=seen.y / gain, raw=seen.raw / gain)
+    rows = Compared.about(read, known)
     return Differences.of(
         rows,
         list_changes(robot, bodies),

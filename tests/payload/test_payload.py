@@ -7,12 +7,22 @@ import numpy as np
 import pytest
 from planted_load import PlantedLoad
 
-from identifiability import IdentifiabilityError, Preparation, analyze, compare, payload
+from identifiability import (
+    IdentifiabilityError,
+    Noise,
+    Preparation,
+    Robot,
+    analyze,
+    compare,
+    payload,
+    simulate,
+)
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, ModelEntry
 from identifiability.report.pages import comparison_moving
+from identifiability.simulation.motion import find_motion
 
 ARM = "six-dof-arm"
 SCALED = [*DEFAULT_EFFECTS, "torque_scale@joint_3"]
@@ -53,6 +63,20 @@ def test_a_scale_that_a_model_has_is_that_of_logs_with_the_load(make_logs, plant
     mass = payload(ARM, result, loaded[0], empty[1]).mass
     sizes = (change.sizes[0], change.sd[0]), (mass.value, mass.half / REACH)
     assert all(abs(x - planted.mass) < 3 * sd < 0.15 for x, sd in sizes)
+
+
+def test_a_load_hangs_from_the_base_as_it_leans():
+    robot = Robot.load(ARM)
+    rng = np.random.default_rng(0)
+    motion = find_motion(robot, "random", 800, rng)
+    empty, loaded = (
+        simulate(x.turned(np.array([0.5, -0.4, -9.8])), motion, noise=Noise(torque=0.01), rng=rng)
+        for x in (robot, robot.with_payload(mass=3.0))
+    )
+    leans = ModelEntry(name="leans", effects=[*DEFAULT_EFFECTS, "gravity_tilt"])
+    result = analyze(robot, empty, "none", ladder=LadderEntry(models=[leans]), replicates=0)
+    mass = payload(robot, result, loaded).as_measured[0]
+    assert abs(mass.value - 3.0) < mass.half < 0.04
 
 
 @pytest.mark.parametrize("name", [pytest.param(ARM, marks=pytest.mark.everything), "two-link"])
