@@ -476,18 +476,35 @@ class MixedModel:
         """
         terms: Terms = ()
         gone: set[tuple[str, str]] = set()
+        exchanges = most
         while len(terms) < most:
             found = [t for t in self.gains(terms) if t.key not in gone and t.odds >= RULES.name]
-            if not found:
+            if found:
+                terms = self.update_terms((*terms, _simplest(found)))
+            elif exchanged := exchanges and self._exchange(terms, gone):
+                exchanges -= 1
+                terms = exchanged
+            else:
                 break
-            near = [t for t in found if t.odds > found[0].odds - RULES.simpler]
-            simplest = min(near, key=lambda t: (t.group.unnamed, t.size, -t.odds))
-            terms = self.update_terms((*terms, simplest))
             while terms and min(t.odds for t in terms) < RULES.name:
                 least = min(range(len(terms)), key=lambda k: terms[k].odds)
                 gone.add(terms[least].key)
                 terms = self.update_terms(without(terms, least))
         return terms
+
+    def _exchange(self, terms: Terms, gone: Collection[tuple[str, str]]) -> Terms:
+        """Return terms with a better group in place of one of them; none if each is the best.
+
+        A flexible group that was added early may explain the torque of several effects. Once the
+        others are added, the group of its remaining torque is better.
+        """
+        for k, term in enumerate(terms):
+            rest = without(terms, k)
+            others = [t for t in self.gains(rest) if t.key not in gone]
+            best = _simplest(sorted([term, *others], key=lambda t: -t.odds))
+            if best.key != term.key:
+                return self.update_terms((*terms[:k], best, *terms[k + 1 :]))
+        return ()
 
     def total_odds(self, terms: Terms) -> float:
         """Return the log odds of all terms together: of each, given those before it."""
@@ -600,6 +617,12 @@ def weigh_each_place(
 def one_of(odds: Sequence[float]) -> list[float]:
     """Return the probability of each of some hypotheses by their log odds against none of them."""
     return softmax([0.0, *odds])[1:].tolist()
+
+
+def _simplest(found: Sequence[Term]) -> Term:
+    """Return the simplest of the terms that are about as likely as the first one."""
+    near = [t for t in found if t.odds > found[0].odds - RULES.simpler]
+    return min(near, key=lambda t: (t.group.unnamed, t.size, -t.odds))
 
 
 def without(terms: Terms, k: int) -> Terms:

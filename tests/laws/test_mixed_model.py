@@ -181,6 +181,19 @@ def test_what_is_everywhere_comes_once(rows):
     assert model.beside((place,)) == [GROUPS[1], GROUPS[2]]
 
 
+def test_a_function_of_two_effects_gives_way_to_both(rows):
+    """It explains more than either. Given the second, the first is the simpler name."""
+    Z, y = (x.copy() for x in rows)
+    Z[..., 5] = Z[..., 3]
+    Z[..., 6] += 3.0 * Z[..., 4]
+    y += 3.0 * (Z[..., 3] + Z[..., 4])
+    members = [3], [4], [5, 6]
+    groups = tuple(Group(str(at), "1", (np.array(at),), 1.0) for at in members)
+    model = MixedModel(products_of(Z, y), FIXED, groups, np.full(8, 0.2))
+    assert model.gains()[0].group is groups[2]
+    assert {t.group for t in model.search()} == set(groups[:2])
+
+
 def test_one_group_more_is_as_likely_as_its_odds_beside_none(rows):
     found = model_of(products_of(*rows)).alternatives()
     assert found

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from scipy.special import expit, logit
 
 from identifiability.effects import find_family, title_of
 from identifiability.foundation.answers import Answer, Note, Table
@@ -307,9 +308,12 @@ def _state_untried(d: Diagnosis) -> str:
 
 
 def _state_effect(e: NamedEffect) -> str:
-    """Return the name of an effect with its size and its probability."""
-    sure = f" ({state_probability(e.odds)})" if np.isfinite(e.odds) else ""
-    return f"{name_effect(e)}{_state_size(e)}{sure}"
+    """Return the name of an effect with its size and probability, then its alternatives."""
+    first, *others = _likeliest(e)
+    share = e.weight if others else 1.0
+    odds = logit(share * expit(e.odds))
+    sure = f" ({state_probability(odds)})" if np.isfinite(e.odds) else ""
+    return " or ".join([f"{first}{_state_size(e)}{sure}", *others])
 
 
 def name_place(name: str, place: str) -> str:
@@ -338,11 +342,16 @@ def list_names(e: NamedEffect) -> list[str]:
 
 def name_effect(e: NamedEffect) -> str:
     """Return the name of an effect and its likeliest alternatives."""
+    return " or ".join(_likeliest(e))
+
+
+def _likeliest(e: NamedEffect) -> list[str]:
+    """Return the name of an effect and its likeliest alternatives, one by one."""
     names = list_names(e)
     more = len(names) - LIKELIEST
     if more > 0:
         names[LIKELIEST:] = [sentence("diagnosis.missing", "more", more=more)]
-    return " or ".join(names)
+    return names
 
 
 def _capital(text: str) -> str:

@@ -311,7 +311,7 @@ def without_parts(naming: Naming, gone: Collection[int]) -> Naming:
     placed = [(p, replace(p.term.group, place=p.candidate.place)) for p in last]
     more = [(replace(p.term, group=group), p.left_out) for p, group in placed]
     terms = tuple(dict.fromkeys(p.term for p in first))
-    after = tuple(naming.whole.gains(naming.whole.update_terms(terms)))
+    after = _further_gains(naming, naming.whole.update_terms(terms))
     possible = (*naming.possible, *more)
     return with_parts(replace(naming, after=after, possible=possible), first)
 
@@ -375,7 +375,13 @@ def name_missing(looked: Naming) -> Naming:
         parts += _write_term(looked, kept, k, places[term.key], unseen)
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
-    return with_parts(replace(looked, after=tuple(looked.whole.gains(kept))), parts)
+    return with_parts(replace(looked, after=_further_gains(looked, kept)), parts)
+
+
+def _further_gains(looked: Naming, terms: Terms) -> Terms:
+    """Return the log odds of groups that are neither among some terms nor parts of them."""
+    contained = {part.key for t in terms for part in _parts_of(looked, t.group)}
+    return tuple(t for t in looked.whole.gains(terms) if t.key not in contained)
 
 
 #: Families that a joint which sticks at reversals may imitate.
@@ -388,32 +394,70 @@ def _search(looked: Naming) -> tuple[Naming, Terms]:
     Friction that rises with speed, or with the way after a reversal, may be friction that changes
     sign at an unrecorded time. It is then searched between reversals only.
     """
-    kept = _search_terms(looked.whole)
+    kept = _search_terms(looked)
     if any(t.group.family in LATE_FRICTION for t in kept):
         looked = _with_missing(looked, looked.asked.between_reversals())
-        kept = _search_terms(looked.whole)
+        kept = _search_terms(looked)
     named = [t for t in kept if not _family(looked.asked, t).unnamed]
     if named:  # their torque is no noise
         looked = _with_missing(looked, looked.asked.beside(named))
-        kept = _search_terms(looked.whole)
+        kept = _search_terms(looked)
     return looked, kept
 
 
-def _search_terms(model: MixedModel) -> Terms:
-    """Return the missing effects of a model; one search adds families everywhere, one does not.
+def _search_terms(looked: Naming) -> Terms:
+    """Return the missing effects; one search adds families everywhere, one does not.
 
     A flexible family everywhere may replace different effects of several joints. The search would
     not find its way back, so the evidence of both searches decides. Some joints of one family are
     no other effects: those that keep its name are chosen later.
     """
-    found = model.search()
+    model = looked.whole
+    found = _join_terms(looked, model.search())
     if all(t.group.place != EVERYWHERE for t in found):
         return found
     places = tuple(g for g in model.groups if g.place != EVERYWHERE)
-    single = replace(model, groups=places).search()
+    single = _join_terms(looked, replace(model, groups=places).search())
     if _families_of(single) <= _families_of(found):
         return found
     return max(found, single, key=model.total_odds)
+
+
+def _join_terms(looked: Naming, terms: Terms) -> Terms:
+    """Return terms with one effect where a place has all effects of which it consists.
+
+    A spring with an unknown rest is joint stiffness and torque offset.
+    """
+    for group in looked.whole.groups:
+        parts = {part.key for part in _parts_of(looked, group)}
+        if parts and parts <= {t.key for t in terms}:
+            first = min(k for k, t in enumerate(terms) if t.key in parts)
+            rest = tuple(t for t in terms[first:] if t.key not in parts)
+            joined = (*terms[:first], Term(group, 0, 1.0, 0.0), *rest)
+            terms = looked.whole.update_terms(joined)
+    return terms
+
+
+def _parts_of(looked: Naming, group: Group) -> list[Group]:
+    """Return the groups of several effects of which a group consists; none if it has no parts."""
+    names = _family(looked.asked, group).effect.supersedes
+    parts = [g for g in looked.whole.groups if g.place == group.place and g.family in names]
+    return parts if len(parts) > 1 else []
+
+
+def _odds_of_parts(looked: Naming, rest: Terms, group: Group) -> float:
+    """Return the log odds of a group given the rest, by its parts; minus infinity without parts.
+
+    Far from its rest a spring's two columns are nearly the same, and a prior of both together
+    would hold the spring back. Its parts are one effect, and pay one price.
+    """
+    odds = -group.price
+    parts = _parts_of(looked, group)
+    for part in parts:
+        (term,) = looked.whole.gains(rest, [part])
+        odds += term.odds + part.price
+        rest = (*rest, term)
+    return odds if parts else -np.inf
 
 
 def _families_of(terms: Terms) -> set[str]:
@@ -551,9 +595,10 @@ def _write_term(
     others = [t for t in looked.whole.gains(rest) if _may_rival(t.group, term.group)]
     named = [t for t in others if not _family(missing, t).unnamed]
     unnamed = _family(missing, term).unnamed
-    rivals = [t for t in (others if unnamed else named) if t.odds > term.odds - RULES.rival]
+    odds = max(term.odds, _odds_of_parts(looked, rest, term.group))
+    rivals = [t for t in (others if unnamed else named) if t.odds > odds - RULES.rival]
     nearest = [t for t in named if unnamed and t.group.place == term.group.place]
-    weight = float(softmax([term.odds, *(t.odds for t in others)])[0])
+    weight = float(softmax([odds, *(t.odds for t in others)])[0])
     for c in _candidates(missing, looked.whole, kept, k):
         if c.place in places:
             gains = places[c.place], unseen
@@ -566,8 +611,8 @@ def _may_rival(one: Group, other: Group) -> bool:
     return one.family != other.family or (len(places) > 1 and EVERYWHERE not in places)
 
 
-def _family(missing: Missing, term: Term) -> Family:
-    return missing.sets[term.key][0][0].family
+def _family(missing: Missing, what: Term | Group) -> Family:
+    return missing.sets[what.key][0][0].family
 
 
 def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> list[Candidate]:
