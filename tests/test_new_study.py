@@ -66,14 +66,16 @@ def test_logs_of_ones_own_are_named_where_they_are(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shipped = shipped_folder() / "six-dof-arm"
     (tmp_path / "arm.urdf").write_bytes((shipped / "robot.urdf").read_bytes())
-    for name in ("monday.csv", "tuesday.csv"):
+    logs = ["monday.csv", "no_tool.csv", "tool_on.csv"]
+    for name in logs:
         (tmp_path / name).write_bytes((shipped / "logs/run1.csv").read_bytes())
-    made = new_study("mine", "arm.urdf", ["monday.csv", "tuesday.csv"])
-    assert (made.fitted, made.held_back) == (("../monday.csv",), "../tuesday.csv")
+    made = new_study("mine", "arm.urdf", logs)
+    assert (made.fitted, made.held_back) == (("../monday.csv",), "../no_tool.csv")
+    assert "no_tool.csv is held out" in made.statement
     assert not (made.folder / "template.csv").exists()
     case = Case.load(made.folder)
-    assert (case.logs, case.validate) == (("mine/../monday.csv",), ("mine/../tuesday.csv",))
-    assert made.next_line == "cd mine && identifiability analyze --report report.html"
+    assert (case.logs, case.validate) == (("mine/../monday.csv",), ("mine/../no_tool.csv",))
+    assert 'loaded = ["../tool_on.csv"]' in (made.folder / "case.toml").read_text()
     alone = new_study("alone", "arm.urdf", ["monday.csv"])
     assert Case.load(alone.folder).validate == ()
     with pytest.raises(IdentifiabilityError, match="There is no log file"):

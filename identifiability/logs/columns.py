@@ -8,6 +8,7 @@ can be copied.
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections import Counter
@@ -53,6 +54,9 @@ if TYPE_CHECKING:
 #: Channels that are angles or their rates, and one degree [rad].
 ANGULAR = ("q", "dq", "ddq", "q_ref", "dq_ref", "q_m")
 DEGREE = math.pi / 180
+
+#: In the name of a column: torque in percent of the rated torque.
+_SHARE = re.compile(r"(?i)%|(?<![a-z])(?:pct|percent)(?![a-z])")
 
 #: A joint's name and a word for its channel.
 _CHANNEL_LAST = re.compile(r"(?P<joint>.+?)(?P<between>[._\- ]+)(?P<kind>[A-Za-z]+)")
@@ -412,15 +416,19 @@ def _convert_torque(
     Raises
     ------
     LogError
-        If a current has no gain, or a motor's torque no ratio.
+        If a current or a share of rated torque has no gain, or a motor's torque no ratio.
     """
     torque = known.torque
     both = [j for j in joints if torque.side_of(j) == "both"]
     if both:
         columns = _convert_motors(columns, both, known)
     given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in {*joints} - {*both}}
-    loose = [j for j, c in given.items() if c.current and torque.at("gain", j) is None]
-    lacking = "columns.gain"
+    free = {j: c for j, c in given.items() if torque.at("gain", j) is None}
+    loose = [j for j, c in free.items() if _SHARE.search(c.source)]
+    lacking = "columns.share"
+    if not loose:
+        loose = [j for j, c in free.items() if c.current]
+        lacking = "columns.gain"
     if not loose:
         before = [j for j in given if j not in known.motors and torque.side_of(j) == "motor"]
         loose = [j for j in before if torque.at("ratio", j) is None]
@@ -714,10 +722,14 @@ def tell_missing(
     patterns = find_patterns(joints, moving)
     options = [option_for_shell("--lock", text, always=True) for text in patterns]
     others = listing(dict.fromkeys(_owner(n) if _kind(n) in SPELLED else n for n in free))
-    first = missing[0] if len(missing) < 2 * len(joints) else joints[0]
+    spelled = any(_CHANNELS_SAY.intersection(words_of(n)[-1:]) for n in free)
+    first = joints[0] if spelled and len(missing) == 2 * len(joints) else missing[0]
     some = len(joints) < len(wanted)  # where all miss some, their names are others
     option = f"{_map_word('OLD', first)}, or name it under [columns] in the sidecar"
     maps = f" If one of {others} is it, add {option}." if free else RECORD
+    options_in_order = _rename_in_order(missing, free)
+    if options_in_order and not spelled:
+        maps = f" {phrase('columns.missing', 'order', maps=options_in_order)}"
     if _have_both_sides(free, joints):
         maps = f" {phrase('columns.missing', 'both')}"
     near = near_match(missing[0], free)
@@ -729,6 +741,22 @@ def tell_missing(
         locks=f" Lock joints that do not move: {' '.join(options)}." if some else "",
         maps=maps,
     )
+
+
+def _rename_in_order(missing: Sequence[str], free: Sequence[str]) -> str:
+    """Return options that rename free columns to missing ones, in the order of both.
+
+    Nothing if there are not as many positions and torques of each.
+    """
+    pairs = list[tuple[str, str]]()
+    for kind in ("q", "tau"):
+        wanted = [n for n in missing if _kind(n) == kind]
+        likely = [n for n in free if kind in map(KINDS.get, words_of(n))]
+        likely = [n for n in likely if COMMANDED.isdisjoint(words_of(n))]
+        if len(wanted) != len(likely):
+            return ""
+        pairs += zip(likely, wanted, strict=True)
+    return " ".join(itertools.starmap(_map_word, pairs))
 
 
 def _have_both_sides(names: Iterable[str], joints: Sequence[str]) -> bool:

@@ -92,6 +92,9 @@ def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write
         Log.from_frame(given.rename(columns=lambda c: c.replace("mA", "Nm")), "log", known())
     with pytest.raises(IdentifiabilityError, match=r"'elbow\.current \[mA\]' .* \[columns\]"):
         Log.from_frame(given.rename(columns={"cur_2 [mA]": "elbow.tau [mA]"}), "log", known())
+    mapped = Robot.load("two-link", columns={"drive_pct": "elbow.tau"})
+    with pytest.raises(IdentifiabilityError, match=r"torque of elbow in percent\. State the"):
+        Log.from_frame(bare.rename(columns={"elbow.tau": "drive_pct"}), "", Conventions.of(mapped))
 
 
 def locked(frame, **elbow):

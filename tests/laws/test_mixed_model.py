@@ -171,16 +171,6 @@ def test_evidence_is_the_density_of_unseen_rows_given_fitted_ones(rows):
     assert gain == pytest.approx(logs[1] - logs[0], rel=1e-5)
 
 
-def test_what_is_everywhere_comes_once(rows):
-    """A family is at some places, or everywhere: no model has both."""
-    groups = (*GROUPS, Group("a", EVERYWHERE, (np.array([3, 5]),), 2.0))
-    model = replace(model_of(products_of(*rows)), groups=groups)
-    whole = Term(groups[-1], 0, 0.1, 0.0)
-    place = Term(GROUPS[0], 0, 0.1, 0.0)
-    assert model.beside((whole,)) == [GROUPS[2]]
-    assert model.beside((place,)) == [GROUPS[1], GROUPS[2]]
-
-
 def test_a_function_of_two_effects_gives_way_to_both(rows):
     """It explains more than either. Given the second, the first is the simpler name."""
     Z, y = (x.copy() for x in rows)
@@ -192,14 +182,6 @@ def test_a_function_of_two_effects_gives_way_to_both(rows):
     model = MixedModel(products_of(Z, y), FIXED, groups, np.full(8, 0.2))
     assert model.gains()[0].group is groups[2]
     assert {t.group for t in model.search()} == set(groups[:2])
-
-
-def test_one_group_more_is_as_likely_as_its_odds_beside_none(rows):
-    found = model_of(products_of(*rows)).alternatives()
-    assert found
-    total = 1.0 + sum(np.exp(term.odds) for term, *_ in found)
-    for term, weight, _ in found:
-        assert weight == pytest.approx(np.exp(term.odds) / total)
 
 
 # Drawn logs: what is named where nothing is missing, and where something is.

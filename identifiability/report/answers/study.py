@@ -30,7 +30,12 @@ class StudyPresenter(Presenter):
     def statement(self) -> str:
         """Return the files of the study, in one sentence."""
         result = self.result
-        logs = [*result.fitted, *filter(None, [result.held_back])]
+        logs = [*result.fitted, *filter(None, [result.held_back]), *result.loaded]
         part = "logs" if result.has_logs else "alone"
         files = phrase("study", part, logs=logs, runs=[*RUNS])
-        return sentence("study.files", folder=result.folder, robot=result.robot, files=files)
+        said = [sentence("study.files", folder=result.folder, robot=result.robot, files=files)]
+        if result.has_logs and result.held_back:
+            said.append(sentence("study.files", "held", log=result.held_back))
+        if result.loaded:
+            said.append(sentence("study.files", "loaded", logs=result.loaded))
+        return " ".join(said)

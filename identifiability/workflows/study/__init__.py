@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
@@ -36,6 +37,11 @@ SHIPPED = "six-dof-arm"
 #: Logs that a study has in its script.
 RUNS = ("run1.csv", "run2.csv", "run3.csv")
 
+#: In the name of a log: the robot carries a load.
+_LOADED = re.compile(
+    r"(?i)(?<!no[_ -])(?<!without[_ -])(?<![a-z])(?:(?:pay)?load(?:ed)?|tool|weight)(?![a-z])"
+)
+
 
 @frozen(kw_only=True)
 class Study:
@@ -54,6 +60,8 @@ class Study:
         The held-out log.
     has_logs : bool
         Whether these are there.
+    loaded : tuple of str
+        Logs that carry a load, by their names.
     notes : tuple of str
         Facts that a table of the robot, or the sidecar, lacks.
     """
@@ -64,6 +72,7 @@ class Study:
     fitted: tuple[str, ...]
     held_back: str | None
     has_logs: bool
+    loaded: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -96,7 +105,7 @@ def new_study(
         converted to URDF and sidecar; or the name of a shipped robot, such as 3-rps.
     logs : sequence of path, optional
         Your own logs, which stay where they are: the case file names them. The last of several
-        is held out.
+        is held out. Logs whose name tells of a load or tool are those of `payload`.
 
     Raises
     ------
@@ -124,10 +133,14 @@ def new_study(
     if sidecar.is_file():
         files[sidecar.name] = sidecar
     names = [os.path.relpath(log, folder) for log in logs] or list(RUNS)
-    fitted, held_back = (names[:-1], names[-1]) if len(names) > 1 else (names, None)
+    loaded = [name for name in names if _LOADED.search(Path(name).stem)]
+    alone = [name for name in names if name not in loaded]
+    if not alone:
+        alone, loaded = names, []
+    fitted, held_back = (alone[:-1], alone[-1]) if len(alone) > 1 else (alone, None)
     has_logs = bool(logs) or all(name in files for name in names)
     known = Robot.load(source)
-    case = _facts_of_case(known, source.name, fitted, held_back)
+    case = _facts_of_case(known, source.name, fitted, held_back, loaded)
     texts = {"study.py": _filled("study.py", {}), FILE: _filled(FILE, case)}
     if not has_logs or (logs and sidecar.name not in files):
         if not has_logs:
@@ -155,6 +168,7 @@ def new_study(
         written=written,
         fitted=tuple(fitted),
         held_back=held_back,
+        loaded=tuple(loaded),
         has_logs=has_logs,
         notes=(phrase("study", "currents", file=sidecar.name),) if currents else (),
     )
@@ -172,7 +186,11 @@ def _hold_currents(known: Robot, logs: Sequence[str | Path]) -> bool:
 
 
 def _facts_of_case(
-    known: Robot, robot: str, fitted: Sequence[str], held_back: str | None
+    known: Robot,
+    robot: str,
+    fitted: Sequence[str],
+    held_back: str | None,
+    loaded: Sequence[str],
 ) -> dict[str, str]:
     """Return the values of a new case file, as TOML."""
     held_out = [] if held_back is None else [held_back]
@@ -181,6 +199,7 @@ def _facts_of_case(
         "ROBOT": for_toml(robot),
         "LOGS": for_toml(list(fitted)),
         "HELD_OUT": for_toml(held_out),
+        "LOADED": f"loaded = {for_toml(list(loaded))}" if loaded else '# loaded = ["loaded.csv"]',
         "BODY": body,
     }
 

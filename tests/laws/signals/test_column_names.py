@@ -95,6 +95,11 @@ REFUSED = {
         ("j2", "j1"),
         r"numbers its joints differently from the robot .*the robot has 2: j2, j1",
     ),
+    "other names": (
+        ["t", *each("M{j}_Act{k}_deg", ("L", "R"), ("Pos", "Torque"))],
+        PAIR,
+        r"columns={'ML_ActPos_deg': 'shoulder\.q', .*'MR_ActTorque_deg': 'elbow\.tau'}",
+    ),
     "commands": (
         ["t", *each("{k}_{j}", (0, 1), ("actual_q", "target_moment"))],
         PAIR,
