@@ -123,6 +123,8 @@ class TorquePrediction(Result):
     hints : tuple of str
     lacking : (N, n) or 0 [N·m or N]
         Gravity torque that the columns of the logs lack.
+    noise : (n,) [N·m or N]
+        Of each joint's measured torque in the band of the model; nan where it was computed.
     """
 
     schema: ClassVar[str] = "identifiability/prediction/1"
@@ -144,6 +146,7 @@ class TorquePrediction(Result):
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
     lacking: Array | float = 0.0
+    noise: Array | float = np.nan
 
     @property
     def robot(self) -> Robot:
@@ -496,6 +499,7 @@ def _predict_along(
         weighed = _judge(_predict_chunks(fit, Regression(*rows), measured))
         errors = replace(weighed, errors=np.stack([weighed.errors[0], errors.errors[1]]))
     hints = (text for s in samples for text in s.hints)
+    levels = [s.torque_noise for s in samples] if not recordings.commanded else [np.nan]
     return TorquePrediction(
         fit=fit,
         logs=given_paths(samples),
@@ -511,6 +515,7 @@ def _predict_along(
             *hints,
         ),
         lacking=_lacking_torque(fit, case, found, run),
+        noise=np.min(levels, axis=0),
         **found,
     )
 

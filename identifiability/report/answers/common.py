@@ -425,13 +425,17 @@ def state_contradicted(
     if not each:
         return []
     effects = np.linalg.lstsq(submodel.M, base.G, rcond=None)[0][far] / sigma[far, None]
-    body = _find_loaded_body(base, last, effects, (values - stated)[far] / sigma[far])
-    advice = phrase("contradicted", "tool", body=body) if body else "Correct"
+    bodies = _find_wrong_bodies(base, last, effects, (values - stated)[far] / sigma[far])
+    tool = next((body for body in bodies if body in last), "")
+    part = "tool" if len(bodies) == 1 else "mass"
+    advice = phrase("contradicted", part, bodies=bodies, body=tool) if tool else "Correct"
     return [Finding("contradicted", values=each, advice=advice)]
 
 
-def _find_loaded_body(base: BaseParameters, last: Strings, effects: Array, change: Array) -> str:
-    """Return the last body whose larger mass explains a contradiction best; empty for none.
+def _find_wrong_bodies(
+    base: BaseParameters, last: Strings, effects: Array, change: Array
+) -> list[str]:
+    """Return the bodies each of which explains a contradiction; the last ones by a larger mass.
 
     Parameters
     ----------
@@ -442,19 +446,19 @@ def _find_loaded_body(base: BaseParameters, last: Strings, effects: Array, chang
     effects : (c, p)
         Changes of the contradicted parameters by each standard parameter.
     change : (c,)
-        Differences between logs and file.
+        Differences between logs and file, in standard errors.
     """
     misfits = {}
-    heavier = set()
+    possible = set()
     for body in dict.fromkeys(p.owner for p in base.parameters if p.kind == "m"):
         kinds = {k: p.kind for k, p in enumerate(base.parameters) if p.owner == body}
         rows = effects[:, [*kinds]]
         added = np.linalg.lstsq(rows, change, rcond=None)[0]
         misfits[body] = float(np.linalg.norm(change - rows @ added))
-        if added[[*kinds.values()].index("m")] > 0:
-            heavier.add(body)
-    best = min(misfits, key=misfits.__getitem__)
-    return best if best in heavier & {*last} else ""
+        if body not in last or added[[*kinds.values()].index("m")] > 0:
+            possible.add(body)
+    most = min(misfits.values()) + RULES.contradicted
+    return [body for body, misfit in misfits.items() if misfit < most and body in possible]
 
 
 def _of_bodies(base: BaseParameters, submodel: Submodel) -> Array:

@@ -63,6 +63,10 @@ class TorquePredictionPresenter(PredictingPresenter):
         """Return whether the answer on intervals is not an unreserved yes."""
         return _answer_intervals(self.result).tone != "green"
 
+    def noise(self) -> Array:
+        """Return the noise of each joint's torque; nan where torque was computed."""
+        return np.broadcast_to(self.result.noise, len(self.result.robot.joints))
+
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
         result = self.result
