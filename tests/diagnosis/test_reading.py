@@ -162,6 +162,10 @@ def test_a_tool_that_the_file_lacks_is_asked_for_and_combinations_have_their_mem
     (said,) = analyze(robot, log, "none", replicates=0).warnings
     assert "link_5.mx (combined with link_6.mx, link_6.m) = 0.503 kg·m in the file" in said
     assert "Does link_6 carry a tool or load that the file lacks?" in said
+    robot, log = record("two-link")
+    wrong = robot.with_values({"link1.mx": 0.5 * robot.nominal["link1.mx"]})
+    (said,) = analyze(wrong, log, "none", replicates=0).warnings
+    assert "Wrong values of one of link1, link2, or a tool on link2, explain it." in said
 
 
 def test_a_zero_of_the_first_encoder_is_named_with_the_tilt_that_acts_as_it_does():
