@@ -18,10 +18,10 @@ from identifiability.simulation import PrescribedMotion, shipped_trajectory
 MARGIN = 4.0
 
 
-def motion_of(name, samples):
+def motion_of(name):
     robot = Robot.load(name)
     trajectory = shipped_trajectory(robot, "601" if name == "3-rps" else "a")
-    move = PrescribedMotion.of(trajectory, samples)
+    move = PrescribedMotion.of(trajectory, 10_000)
     return robot, move
 
 
@@ -31,7 +31,7 @@ def bare_loop(model, data, q, v, a, out):
         out[k] = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])
 
 
-def in_turns(*functions, rounds=7):
+def in_turns(rounds, *functions):
     """Return processor times (rounds, functions), taken in turn: all see the same machine."""
     times = np.empty((rounds, len(functions)))
     for row in times:
@@ -42,14 +42,9 @@ def in_turns(*functions, rounds=7):
     return times
 
 
-def best(*functions, rounds=7):
-    """The least processor time of each."""
-    return in_turns(*functions, rounds=rounds).min(axis=0)
-
-
 @pytest.fixture
 def arm():
-    robot, move = motion_of("six-dof-arm", 10_000)
+    robot, move = motion_of("six-dof-arm")
     return robot, complete_motion(robot, move.t, move.q, move.dq, move.ddq)
 
 
@@ -68,42 +63,32 @@ def test_open_chain_regressor_costs_about_as_much_as_a_bare_pinocchio_loop(arm):
     model = Model.of("rigid_body")
     out = np.ones((len(motion), robot.nv, 10 * robot.nv))
     ours, bare = in_turns(
+        60,
         lambda: chunked(robot, model, motion),
         lambda: bare_loop(robot.model, data, motion.q, motion.v, motion.a, out),
-        rounds=60,
     ).T
     ratio = np.median(ours / bare)
     assert ratio <= MARGIN * 1.1, f"{ratio:.2f} × the bare loop"
 
 
-def test_closing_loops_costs_no_more_than_a_few_regressors(arm):
-    """Compare 3-RPS motion with the arm's bare loop; measured: 5.3 and 2.5 µs a sample."""
+@pytest.mark.parametrize(
+    ("name", "columns", "limit"), [("3-rps", False, 2.1), ("delta", True, 6.8)]
+)
+def test_closing_loops_costs_no_more_than_some_regressors(arm, name, columns, limit):
+    """Compare with the arm's bare loop of 2.5 µs a sample; measured: 5.3, and 17 with columns."""
     robot, motion = arm
     data = robot.model.createData()
     out = np.ones((len(motion), robot.nv, 10 * robot.nv))
-    rps, move = motion_of("3-rps", 10_000)
-    with threadpool_limits(1, "blas"):
-        ours, bare = best(
-            lambda: complete_motion(rps, move.t, move.q, move.dq, move.ddq),
-            lambda: bare_loop(robot.model, data, motion.q, motion.v, motion.a, out),
-            rounds=5,
-        )
-    assert ours <= MARGIN * 2.1 * bare, f"{ours / bare:.2f} × the bare loop"
+    closed, move = motion_of(name)
 
+    def complete():
+        whole = complete_motion(closed, move.t, move.q, move.dq, move.ddq)
+        if columns:
+            chunked(closed, Model.of("rigid_body"), whole)
 
-def test_a_delta_costs_no_more_than_some_ten_regressors(arm):
-    """Compare actuated motion to projected regressor with the loop; measured: 17 and 2.5 µs."""
-    robot, motion = arm
-    data = robot.model.createData()
-    out = np.ones((len(motion), robot.nv, 10 * robot.nv))
-    delta, move = motion_of("delta", 10_000)
-    model = Model.of("rigid_body")
     with threadpool_limits(1, "blas"):
-        ours, bare = best(
-            lambda: chunked(
-                delta, model, complete_motion(delta, move.t, move.q, move.dq, move.ddq)
-            ),
-            lambda: bare_loop(robot.model, data, motion.q, motion.v, motion.a, out),
-            rounds=3,
+        times = in_turns(
+            4, complete, lambda: bare_loop(robot.model, data, motion.q, motion.v, motion.a, out)
         )
-    assert ours <= MARGIN * 6.8 * bare, f"{ours / bare:.2f} × the bare loop"
+    ours, bare = times.min(axis=0)
+    assert ours <= MARGIN * limit * bare, f"{ours / bare:.2f} × the bare loop"
