@@ -1,30 +1,6 @@
-"""What a fit keeps in memory: its imports, and its answer instead of its rows."""
-
-import json
-import subprocess
-import sys
+"""What a fit keeps in memory: its answer instead of its rows."""
 
 from peers.running import STUDIES, make_samples, run_contender
-
-#: Heavy packages that a fit needs none of.
-NEEDLESS = ("pandas", "pyarrow", "scipy.signal", "scipy.spatial", "scipy.stats", "matplotlib",
-            "cvxpy", "emcee", "arviz_stats", "jinja2")  # fmt: skip
-
-IMPORTS = """
-import json, sys
-from identifiability import (
-    Log, Model, Regression, Robot, estimate, find_base_parameters, gather_information,
-    prepare_log,
-)
-json.dump([m for m in sys.argv[1:] if m in sys.modules], sys.stdout)
-"""
-
-
-def test_a_fit_imports_nothing_that_it_does_not_need():
-    done = subprocess.run(
-        [sys.executable, "-c", IMPORTS, *NEEDLESS], capture_output=True, text=True, check=True
-    )
-    assert json.loads(done.stdout) == []
 
 
 def test_a_hundred_thousand_samples_of_the_arm_are_fitted_in_300_mb():

@@ -9,7 +9,16 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability import Dataset, IdentifiabilityError, Log, Preparation, prepare_log
+from identifiability import (
+    Dataset,
+    IdentifiabilityError,
+    Log,
+    Model,
+    Preparation,
+    Regression,
+    gather_information,
+    prepare_log,
+)
 from identifiability.logs.contradictions import check_units, contradictions
 from identifiability.logs.prepare.dataset import explain_silence, find_signal
 from identifiability.logs.signals import Decimation
@@ -44,16 +53,16 @@ def samples_of(two, kept, factor, own=None):
 @pytest.mark.parametrize("factor", [2, 3])
 @pytest.mark.parametrize("own", [None, (60, 171)])
 def test_outputs_are_at_every_nth_row_whose_neighbours_are_all_there(two, factor, own):
-    kept = np.r_[5:96, 97:99, 101:230]
+    kept = np.r_[5:96, 97:99, 101:900]
     s = samples_of(two, kept, factor, own)
     reach = 10 * factor
     there = set(kept.tolist())
-    low, high = own or (0, 230)
+    low, high = own or (0, 900)
     rows = [
-        r for r in range(0, 230, factor)
+        r for r in range(0, 900, factor)
         if low <= r < high and all(k in there for k in range(r - reach, r + reach + 1))
     ]  # fmt: skip
-    assert 0 < s.outputs == len(rows) < 100
+    assert 0 < s.outputs == len(rows) < 410
     assert_allclose(s.output_times(), 0.01 * np.array(rows))
     assert sum(count for *_, count in s.runs) == len(rows)
     for start, stop, _ in s.runs:
@@ -94,6 +103,24 @@ def test_decimation_keeps_the_band_up_to_the_cut_off(two):
     assert given.decimation is None  # measured derivatives need no filter
     wanted = prepare_log(two, log_of(t), Preparation(decimate=7, keep_rest=True))
     assert wanted.decimation.factor == 7
+
+
+def test_rows_are_computed_about_once_however_few_fit_into_memory(two, monkeypatch):
+    log = log_of(0.002 * np.arange(4000), dq=None, ddq=None)
+    samples = prepare_log(two, log, Preparation(cutoff=10.0, keep_rest=True))
+    regression = Regression(two, Model.of("rigid_body"), (samples,))
+    whole = gather_information(regression).factor()
+    compute, counts = Model.regressor, []
+
+    def count(*given):
+        counts.append(len(given[2]))
+        return compute(*given)
+
+    monkeypatch.setattr(Model, "regressor", count)
+    monkeypatch.setattr("identifiability.regression.regression.BLOCK_BYTES", 40_000)
+    pieces = gather_information(regression).factor()
+    assert sum(counts) < 1.2 * len(log)
+    assert_allclose(pieces.T @ pieces, whole.T @ whole, atol=1e-9)
 
 
 def test_derivatives_are_those_of_the_motion_inside_a_log(two):
