@@ -102,9 +102,9 @@ class Excerpt:
     seen: np.ndarray
 
     @staticmethod
-    def of(regression: Regression, most: tuple[int, int, int] | None = None) -> Excerpt:
+    def of(regression: Regression, most: tuple[int, int, int] = EXCERPT) -> Excerpt:
         """Return the rows of a regression, without instruments; an excerpt if there are many."""
-        parts, pieces, seen = _look_at(regression, most or EXCERPT)
+        parts, pieces, seen = _look_at(regression, most)
         chunks = [chunk for part in parts for chunk in part.shown()]
         t = np.concatenate([c.t for c in chunks])
         log = np.concatenate([np.full(len(c.t), c.log) for c in chunks])

@@ -62,9 +62,8 @@ def test_outputs_are_at_every_nth_row_whose_neighbours_are_all_there(two, factor
         r for r in range(0, 900, factor)
         if low <= r < high and all(k in there for k in range(r - reach, r + reach + 1))
     ]  # fmt: skip
-    assert 0 < s.outputs == len(rows) < 410
+    assert s.outputs == len(rows) > 0
     assert_allclose(s.output_times(), 0.01 * np.array(rows))
-    assert sum(count for *_, count in s.runs) == len(rows)
     for start, stop, _ in s.runs:
         assert (np.diff(kept[start:stop]) == 1).all()
     for size in (1, 25, 10**6):
@@ -110,27 +109,23 @@ def test_rows_are_computed_about_once_however_few_fit_into_memory(two, monkeypat
     samples = prepare_log(two, log, Preparation(cutoff=10.0, keep_rest=True))
     regression = Regression(two, Model.of("rigid_body"), (samples,))
     whole = gather_information(regression).factor()
-    compute, counts = Model.regressor, []
-
-    def count(*given):
-        counts.append(len(given[2]))
-        return compute(*given)
-
+    compute, rows = Model.regressor, []
+    count = lambda *given: rows.append(len(given[2])) or compute(*given)  # noqa: E731
     monkeypatch.setattr(Model, "regressor", count)
     monkeypatch.setattr("identifiability.regression.regression.BLOCK_BYTES", 40_000)
     pieces = gather_information(regression).factor()
-    assert sum(counts) < 1.2 * len(log)
+    assert sum(rows) < 1.2 * len(log)
     assert_allclose(pieces.T @ pieces, whole.T @ whole, atol=1e-9)
 
 
 def test_derivatives_are_those_of_the_motion_inside_a_log(two):
     t = 0.002 * np.arange(6000)
     exact = wave(t)
-    for log, error in ((log_of(t, dq=None, ddq=None), 1e-3), (log_of(t, ddq=None), 1e-3)):
+    for log in (log_of(t, dq=None, ddq=None), log_of(t, ddq=None)):
         m = prepare_log(two, log, Preparation(cutoff=20.0, decimate=1)).motion
         for found, x in zip((m.actuated_q, m.actuated_v, m.actuated_a), exact, strict=True):
             inside = np.abs(found - x)[500:-500]
-            assert inside.max() < error * np.abs(x).max()
+            assert inside.max() < 1e-3 * np.abs(x).max()
     # Given velocities are differentiated once, and are not made anew from the positions.
     other = log_of(t, dq=1.5 * exact[1], ddq=None)  # a remark, and not refused
     m = prepare_log(two, other, Preparation(cutoff=20.0, decimate=1)).motion
