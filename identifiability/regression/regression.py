@@ -138,12 +138,6 @@ class Model:
             fill_measured(effect, robot, motion, W[:, :, end - width : end])
         return motion.freed(W)
 
-    def blocks(self, robot: Robot, motion: Motion, widths: Sequence[int]) -> Iterator[Array]:
-        """Yield the regressor of consecutive samples, as many at a time as memory allows."""
-        size = rows_at_once(robot, widths)
-        for start in range(0, len(motion), size):
-            yield self.regressor(robot, motion[start : start + size], widths)
-
     def all_sensors(self, robot: Robot, motion: Motion) -> Array:
         """Return the regressor (N, n, p), or of sensors on both sides of gears (N, 2n, p)."""
         W = self.regressor(robot, motion)
@@ -261,6 +255,15 @@ def rows_at_once(robot: Robot, widths: Sequence[int]) -> int:
     """Return the number of samples whose regressor is computed at a time."""
     bytes_per_row = 8 * len(robot.actuated) * sum(widths)
     return min(CHUNK, max(1, BLOCK_BYTES // bytes_per_row))
+
+
+def compute_blocks(
+    model: Model, robot: Robot, motion: Motion, widths: Sequence[int]
+) -> Iterator[Array]:
+    """Yield the regressor of consecutive samples, as many at a time as memory allows."""
+    size = rows_at_once(robot, widths)
+    for start in range(0, len(motion), size):
+        yield model.regressor(robot, motion[start : start + size], widths)
 
 
 @frozen
@@ -408,7 +411,7 @@ class LogPart:
         r = self.regression
         columns = np.arange(sum(widths)) if r.columns is None else r.columns
         blocks = []
-        for W in r.model.blocks(r.robot, motion, widths):
+        for W in compute_blocks(r.model, r.robot, motion, widths):
             acts = np.asarray(W.any(0))[:, columns]
             joints, places = np.nonzero(acts)
             flat = W.reshape(len(W), -1)

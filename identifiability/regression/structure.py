@@ -28,7 +28,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 
-from .regression import Model, Regression
+from .regression import Model, Regression, compute_blocks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -372,7 +372,8 @@ class Structure:
 
     def torque_along(self, motion: Motion, phi: Array) -> Array:
         """Return the torque of parameters (p,) along a motion, (N, n) [N·m or N]."""
-        blocks = self.model.blocks(self.robot, motion, self.model.widths(self.robot))
+        widths = self.model.widths(self.robot)
+        blocks = compute_blocks(self.model, self.robot, motion, widths)
         return np.concatenate([W @ phi for W in blocks])
 
 
