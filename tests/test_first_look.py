@@ -15,16 +15,7 @@ from identifiability.estimation.estimate import ESTIMATORS
 from identifiability.simulation.forces import hideable
 
 #: Each takes a tenth of a second or more to import.
-LARGE = (
-    "pandas",
-    "scipy.stats",
-    "scipy.signal",
-    "matplotlib",
-    "cvxpy",
-    "mujoco",
-    "joblib",
-    "emcee",
-)
+LARGE = ["pandas", "scipy.stats", "scipy.signal", "matplotlib", "cvxpy", "mujoco", "joblib"]
 
 
 #: What is typed, and the sentence that refuses it.
