@@ -61,8 +61,7 @@ def test_an_analysis_imports_no_large_module_that_it_does_not_use(command, tmp_p
     log = tmp_path / "run.csv"
     command("simulate", "six-dof-arm", "random", "--samples", 600, "--out", log)
     # Positions alone pass the low-pass and are differentiated.
-    columns = pd.read_csv(log)
-    columns.filter(regex=r"(t|\.q|\.tau)$").to_csv(log, index=False)
+    pd.read_csv(log).filter(regex=r"(t|\.q|\.tau)$").to_csv(log, index=False)
     code = (
         "import sys; from identifiability.cli import app\n"
         f"for words, needless in {RUNS}:\n"

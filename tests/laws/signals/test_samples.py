@@ -106,8 +106,8 @@ def test_decimation_keeps_the_band_up_to_the_cut_off(two):
 
 def test_rows_are_computed_about_once_however_few_fit_into_memory(two, monkeypatch):
     log = log_of(0.002 * np.arange(4000), dq=None, ddq=None)
-    samples = prepare_log(two, log, Preparation(cutoff=10.0, keep_rest=True))
-    regression = Regression(two, Model.of("rigid_body"), (samples,))
+    how = Preparation(cutoff=10.0, keep_rest=True)
+    regression = Regression(two, Model.of("rigid_body"), (prepare_log(two, log, how),))
     whole = gather_information(regression).factor()
     compute, rows = Model.regressor, []
     count = lambda *given: rows.append(len(given[2])) or compute(*given)  # noqa: E731
