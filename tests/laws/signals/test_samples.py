@@ -66,7 +66,7 @@ def test_outputs_are_at_every_nth_row_whose_neighbours_are_all_there(two, factor
     assert_allclose(s.output_times(), 0.01 * np.array(rows))
     for start, stop, _ in s.runs:
         assert (np.diff(kept[start:stop]) == 1).all()
-    for size in (1, 25, 10**6):
+    for size in (25, 10**6):
         pieces = list(s.pieces(size))
         # A straight line keeps its values under a symmetric filter.
         down = np.concatenate([p.down(p.tau) for p in pieces])
@@ -92,7 +92,7 @@ def test_decimation_keeps_the_band_up_to_the_cut_off(two):
     """Every int(½ / (f_c Δ))-th sample: the new Nyquist frequency is at least the cut-off."""
     t = 0.002 * np.arange(4000)
     log = log_of(t, dq=None, ddq=None)
-    for cutoff, factor in ((10.0, 25), (12.0, 20), (60.0, 4), (130.0, None), (200.0, None)):
+    for cutoff, factor in ((10.0, 25), (60.0, 4), (130.0, None)):
         d = prepare_log(two, log, Preparation(cutoff=cutoff, keep_rest=True)).decimation
         assert (None if d is None else d.factor) == factor
     longer = log_of(0.002 * np.arange(9000), dq=None, ddq=None)
@@ -106,7 +106,7 @@ def test_decimation_keeps_the_band_up_to_the_cut_off(two):
 
 def test_rows_are_computed_about_once_however_few_fit_into_memory(two, monkeypatch):
     log = log_of(0.002 * np.arange(4000), dq=None, ddq=None)
-    how = Preparation(cutoff=10.0, keep_rest=True)
+    how = Preparation(cutoff=10.0)
     regression = Regression(two, Model.of("rigid_body"), (prepare_log(two, log, how),))
     whole = gather_information(regression).factor()
     compute, rows = Model.regressor, []
