@@ -43,13 +43,7 @@ from identifiability.regression.columns import (
 )
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.regression import (
-    REACHES,
-    LogPart,
-    Regression,
-    choose_windows,
-    inside,
-)
+from identifiability.regression.regression import LogPart, Regression, choose_windows, inside
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
@@ -108,9 +102,9 @@ class Excerpt:
     seen: np.ndarray
 
     @staticmethod
-    def of(regression: Regression, most: tuple[int, int, int] | None = None) -> Excerpt:
+    def of(regression: Regression, most: tuple[int, int, int] = EXCERPT) -> Excerpt:
         """Return the rows of a regression, without instruments; an excerpt if there are many."""
-        parts, pieces, seen = _look_at(regression, most or EXCERPT)
+        parts, pieces, seen = _look_at(regression, most)
         chunks = [chunk for part in parts for chunk in part.shown()]
         t = np.concatenate([c.t for c in chunks])
         log = np.concatenate([np.full(len(c.t), c.log) for c in chunks])
@@ -172,10 +166,7 @@ def _look_at(
             continue
         parts.append(part)
         start = part.start
-        decimation = part.samples.decimation
-        # Pieces overlap by the width of the decimation filter.
-        reach = 1 if decimation is None else decimation.reach
-        for piece in part.samples.pieces(max(PIECE, REACHES * reach)):
+        for piece in part.samples.pieces(PIECE):
             stop = start + len(piece.motion.t[piece.at])
             found = [rows for _, rows in inside(windows[part.log], start, stop)]
             if found:
@@ -603,12 +594,15 @@ class MissingEffects:
         Columns of model and groups at each joint, neither weighed nor whitened.
     noise : ARNoise
         Noise of each joint, measured in the presence of all groups; empty where there are none.
+    alone : tuple of float
+        Log odds of each named term where the model has no other.
     """
 
     named: Terms
     shares: tuple[Share, ...]
     rows: tuple[JointRows, ...] = ()
     noise: ARNoise = ()
+    alone: tuple[float, ...] = ()
 
     @property
     def functions(self) -> tuple[str, ...]:
@@ -720,8 +714,6 @@ def find_missing(
     Rows that were held out may only take a name away: these are the last log, or the last part of
     the only one, if no other rows were held out.
     """
-    if regression.instruments is not None:
-        regression = replace(regression, instruments=None)
     families = find_families(None, commanded=commanded)
     missing = Missing.of(regression, families, structure.present)
     if commanded or structure.robot.base is not None:
@@ -736,7 +728,7 @@ def find_missing(
         terms = model.confirm(terms, missing.products(Excerpt.of(unseen), among=terms))
     elif terms:
         log = missing.seen.log
-        count = len(missing.seen.log)
+        count = len(log)
         first = int(np.argmax(log == log[-1]))
         edges = [0, first, count] if first else [0, *divide(count), count]
         blocks = missing.products(missing.seen, edges, among=terms)
@@ -828,4 +820,5 @@ def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> MissingEffec
         R = triangular_factor(np.column_stack([X[:, columns], *Z]))
         width = len(columns)
         rows.append(JointRows(columns, R[:, :width], np.array(random, int), R[:, width:]))
-    return MissingEffects(terms, tuple(shares), tuple(rows), missing.noise)
+    alone = tuple(t.odds for (t,) in (model.gains((), [t.group]) for t in terms))
+    return MissingEffects(terms, tuple(shares), tuple(rows), missing.noise, alone)

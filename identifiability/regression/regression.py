@@ -247,9 +247,23 @@ def inside(windows: np.ndarray, start: int, stop: int) -> list[tuple[int, slice]
 #: Samples a chunk: the regressor of one chunk stays in the processor's cache.
 CHUNK = 1024
 
-#: Samples a piece in units of the margin of a decimation filter, and the memory for the columns of
-#: such a piece [bytes].
-REACHES, PIECE_BYTES = 12, 32_000_000
+#: Memory for the regressor of a block of samples [bytes].
+BLOCK_BYTES = 32_000_000
+
+
+def rows_at_once(robot: Robot, widths: Sequence[int]) -> int:
+    """Return the number of samples whose regressor is computed at a time."""
+    bytes_per_row = 8 * len(robot.actuated) * sum(widths)
+    return min(CHUNK, max(1, BLOCK_BYTES // bytes_per_row))
+
+
+def compute_blocks(
+    model: Model, robot: Robot, motion: Motion, widths: Sequence[int]
+) -> Iterator[Array]:
+    """Yield the regressor of consecutive samples, as many at a time as memory allows."""
+    size = rows_at_once(robot, widths)
+    for start in range(0, len(motion), size):
+        yield model.regressor(robot, motion[start : start + size], widths)
 
 
 @frozen
@@ -364,7 +378,8 @@ class LogPart:
         start = self.start
         widths = r.model.widths(r.robot)
         both = [*r.samples, *(r.instruments or ())]
-        for piece, *others in zip(*(self._pieces(x, widths) for x in both), strict=False):
+        size = rows_at_once(r.robot, widths)
+        for piece, *others in zip(*(x.pieces(size) for x in both), strict=False):
             t = piece.motion.t[piece.at]
             first = start
             start += len(t)
@@ -381,26 +396,38 @@ class LogPart:
             what = piece.weighed(W), piece.torque, piece.raw, t, velocity, moves, V
             yield Chunk(self.log, first, *what)
 
-    def _pieces(self, samples: Dataset, widths: Sequence[int]) -> Iterable[Piece]:
-        """Return pieces of a number of samples, or of as many as its columns allow."""
-        bytes_per_row = 8 * len(self.regression.robot.actuated) * sum(widths)
-        most = PIECE_BYTES // bytes_per_row
-        # With few samples, a strong filter would read many more around them, for each piece anew.
-        reach = 1 if samples.decimation is None else samples.decimation.reach
-        return samples.pieces(min(max(CHUNK, REACHES * reach), max(most, reach)))
-
     def _regressor(self, piece: Piece, widths: Sequence[int]) -> Array:
         r = self.regression
-        W = r.model.regressor(r.robot, piece.motion, widths)
-        W = W if r.dwelling else piece.silenced(W)
-        rows, n, width = W.shape
-        columns = np.arange(width) if r.columns is None else r.columns
-        joints, places = np.nonzero(np.asarray(W.any(0))[:, columns])
-        acting = np.take(W.reshape(rows, n * width), width * joints + columns[places], axis=1)
+        acts, acting = self._acting(piece.motion, widths)
+        joints, places = np.nonzero(acts)
+        acting = acting if r.dwelling else piece.silenced(acting, joints)
         low_passed = piece.down(acting)
-        out = np.zeros((len(low_passed), n, len(columns)))
+        out = np.zeros((len(low_passed), *acts.shape))
         out[:, joints, places] = low_passed
         return out
+
+    def _acting(self, motion: Motion, widths: Sequence[int]) -> tuple[Array, Array]:
+        """Return which columns are not zero, (n, p) bool, and the values of those, (N, k)."""
+        r = self.regression
+        columns = np.arange(sum(widths)) if r.columns is None else r.columns
+        blocks = []
+        for W in compute_blocks(r.model, r.robot, motion, widths):
+            acts = np.asarray(W.any(0))[:, columns]
+            joints, places = np.nonzero(acts)
+            flat = W.reshape(len(W), -1)
+            blocks.append((acts, np.take(flat, W.shape[2] * joints + columns[places], axis=1)))
+        every = np.any([acts for acts, _ in blocks], axis=0)
+        values = [_spread(x, acts[every]) for acts, x in blocks]
+        return every, np.concatenate(values)
+
+
+def _spread(x: Array, places: Array) -> Array:
+    """Return columns (N, k) at their places, a mask (m,), among columns of zeros, (N, m)."""
+    if places.all():
+        return x
+    out = np.zeros((len(x), len(places)))
+    out[:, places] = x
+    return out
 
 
 # `Regression`: named columns of a `Model` along measured motion, chunk by chunk.

@@ -28,7 +28,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 
-from .regression import CHUNK, PIECE_BYTES, Model, Regression
+from .regression import Model, Regression, compute_blocks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -372,10 +372,9 @@ class Structure:
 
     def torque_along(self, motion: Motion, phi: Array) -> Array:
         """Return the torque of parameters (p,) along a motion, (N, n) [N·m or N]."""
-        bytes_per_row = 8 * len(self.robot.actuated) * len(phi)
-        size = min(CHUNK, max(1, PIECE_BYTES // bytes_per_row))
-        pieces = (motion[k : k + size] for k in range(0, len(motion), size))
-        return np.concatenate([self.model.regressor(self.robot, x) @ phi for x in pieces])
+        widths = self.model.widths(self.robot)
+        blocks = compute_blocks(self.model, self.robot, motion, widths)
+        return np.concatenate([W @ phi for W in blocks])
 
 
 def count_offsets(structure: Structure) -> Structure:

@@ -640,12 +640,13 @@ class Case:
         """Return data whose model has the errors of measurement that it surely lacks.
 
         `diagnose` finds the law of friction. But the direction of gravity, a log's scale, clock or
-        zero, and friction of passive joints change every other value.
+        zero, and friction of passive joints change every other value. The model does not get the
+        other named effects, so an error must be sure without them as well.
         """
         if data.recordings.commanded:
             return data
-        named = data.missing.shares[: len(data.missing.named)]
-        sure = [s for s in named if s.term.odds >= RULES.log_odds]
+        pairs = zip(data.missing.shares, data.missing.alone, strict=False)
+        sure = [s for s, alone in pairs if min(s.term.odds, alone) >= RULES.log_odds]
         units = [ask_for_unit(s) for s in sure if is_another_unit(s)]
         if units:  # the same data are the key of later stages
             data = replace(data, hints=(*data.hints, *units))

@@ -72,6 +72,13 @@ def test_a_spring_in_one_joint_does_not_hide_another_and_stays_where_it_is(logs_
     assert d.model.texts == (*known, "joint_stiffness@elbow")
 
 
+def test_a_delay_that_shows_only_beside_missing_friction_is_not_in_the_model(logs_of):
+    logs = logs_of("two-link", "stribeck_friction@shoulder=0.1", "time_delay@shoulder=0.02")
+    result = analyze("two-link", logs[:4], logs[4:], replicates=0)
+    assert "Stribeck" in result.missing.statement
+    assert "shoulder.delay" not in result.structure.columns
+
+
 LIFT = """<mujoco><worldbody><body name="cart"><joint name="X" type="slide" axis="1 0 0"/>
 <inertial pos="0 0 0" mass="10" diaginertia="1 1 1"/><body name="ram">
 <joint name="Z" type="slide" axis="0 0 1"/><inertial pos="0 0 0" mass="16" diaginertia="1 1 1"/>

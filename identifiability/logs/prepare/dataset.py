@@ -372,10 +372,13 @@ class Dataset:
         )
 
     def pieces(self, size: int) -> Iterator[Piece]:
-        """Yield pieces of about `size` samples of the motion."""
+        """Yield pieces of about `size` samples of the motion, or of many reaches of the filter.
+
+        Neighbours overlap by the reach on either side: their common samples are computed twice.
+        """
         d = self.decimation
         factor, more = (1, 0) if d is None else (d.factor, 2 * d.reach)
-        step = max(1, size // factor)
+        step = max(size, MARGINS * more) // factor
         for start, _, count in self.runs:
             for first in range(0, count, step):
                 begin = start + first * factor
@@ -584,8 +587,9 @@ def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
 # From a `Log` to a `Dataset`.
 
 
-#: Number of samples to prepare at a time, at least in units of the reach of the filters.
-MARGINS = 4
+#: Number of samples to prepare at a time, at least in units of the reach of the filters. For a
+#: decimation filter, in units of its reach on both sides.
+MARGINS = 6
 
 
 @checked
