@@ -26,7 +26,7 @@ def diagnosis(diagnosis_of):
 def test_the_statement_says_effect_joints_odds_and_how_far_the_gap_shrinks(diagnosis):
     text = diagnosis.statement
     assert text.startswith("What is missing? Stribeck friction in slider1 and slider3, up to ")
-    assert "The error goes from" in text
+    assert "goes from" in text
     assert "95 %" in text
 
 

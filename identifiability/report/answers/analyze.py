@@ -92,7 +92,7 @@ class LadderedPresenter(PredictingPresenter):
         use = after_mass(self.answer_use(), result.mass_warning)
         short = join_sentences(state_weight(result), use.short, _state_open(result))
         cause = _state_cause(result)
-        below = join_sentences(_state_determined(result), use.more, _state_departures(result))
+        below = join_sentences(use.more, _state_departures(result))
         use = replace(use, short=short, text=cause or use.text, more=below)
         more = ""
         if not result.nothing:
@@ -365,14 +365,6 @@ def _find_determined(result: Laddered[Any]) -> list[tuple[str, str]]:
         value = measured(one.value, one.sigma, unit)
         rows.append(("".join([columns[0], *rest]), value))
     return rows
-
-
-def _state_determined(result: Laddered[Any]) -> str:
-    """Return the surest combination that is determined where few parameters are."""
-    each = [" = ".join(row) for row in _find_determined(result)[:1]]
-    if each:
-        return sentence("decision.left", "determined", names=each)
-    return ""
 
 
 def _state_cause(result: Laddered[Any]) -> str:

@@ -203,79 +203,63 @@ class PredictingPresenter(AnsweringPresenter):
         """Return whether the page says elsewhere that its numbers need care."""
         return bool(self.result.warnings)
 
-    def answer_error(self, text: str, more: str = "", **known: Any) -> Answer:
-        """Return the error of the predictions; arguments as of `answer_quality`."""
+    def answer_error(
+        self,
+        text: str,
+        more: str = "",
+        question: str = "",
+        raw: float = math.nan,
+        part: str = "error",
+    ) -> Answer:
+        """Return the error of the predictions, and the joint with the largest error.
+
+        Parameters
+        ----------
+        text : str
+            What it was measured on.
+        more : str
+            What a page tells further down.
+        question : str
+            In place of the usual one.
+        raw : float
+            Error of torque that no filter has passed.
+        part : {"error", "along"}
+            Whether the error is of unseen motion.
+        """
+        error = self.errors()[0]
+        if not np.isfinite(error):
+            return answer("quality", "none", question=question)
+        worst, noisy, grade = self._state_worst()
+        tone = TONES[grade]
+        reserved = self.reserved()
+        if reserved and tone == "green":
+            tone = "grey"
+        if tone == "vermilion" or not reserved:
+            text = join_sentences(sentence("decision.uses", grade), text)
+        # A filter makes a difference.
+        if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
+            more = join_sentences(sentence("quality", "raw", raw=raw), more)
+        if noisy:
+            text, more = sentence("quality", "quieter"), join_sentences(text, more)
+        found = answer("quality", part, text, tone, question=question, error=error, worst=worst)
+        return replace(found, short=join_sentences(found.short, noisy), more=more)
+
+    def _state_worst(self) -> tuple[str, str, str]:
+        """Return the worst joint in words, whether its error is noise, and the grade of all."""
         error, each, sizes = self.errors()
         robot = self.result.robot
-        pairs = zip(sizes.tolist(), robot.torque_units, strict=True)
-        rms = [f"{format_number(size, 2)} {unit}" for size, unit in pairs]
-        reserved = self.reserved()
-        stated = answer_quality(error, robot.joints, each, rms, text, reserved=reserved, **known)
-        stated = replace(stated, more=join_sentences(stated.more, more))
-        joint, worst = worst_joint(robot.joints, each)
-        if not (joint and errs_unevenly(error, worst)):
-            return stated
-        if not is_noise(sizes, self.noise())[robot.joints.index(joint)]:
-            return stated
-        noisy = sentence("quality", "noisy", joint=joint)
-        remedy = sentence("quality", "quieter")
-        short = f"{stated.short} {noisy}"
-        below = join_sentences(stated.text, stated.more)
-        return replace(stated, short=short, text=remedy, more=below)
-
-
-def answer_quality(
-    error: float,
-    joints: Sequence[str],
-    each: Array,
-    rms: Sequence[str],
-    text: str,
-    question: str = "",
-    raw: float = math.nan,
-    reserved: bool = False,
-    part: str = "error",
-) -> Answer:
-    """Return the error of the predictions, and the joint with the largest error.
-
-    Parameters
-    ----------
-    error : float
-        On unseen motion, relative to the variation of torque.
-    joints : sequence of str
-    each : (n,)
-        The same of each joint over its own scale; nan where its torque was not measured.
-    rms : sequence of str
-        The root mean square of each joint's error with its unit.
-    text : str
-        What it was measured on.
-    question : str
-        In place of the usual one.
-    raw : float
-        The same of torque that no filter has passed.
-    reserved : bool
-        Whether the page says elsewhere that its numbers need care: then nothing praises the error.
-    part : {"error", "along"}
-        Whether it is of unseen motion.
-    """
-    if not np.isfinite(error):
-        return answer("quality", "none", question=question)
-    joint, own = worst_joint(joints, each)
-    worst = ""
-    grade = grade_of(error)
-    if joint:
-        size = rms[joints.index(joint)]
+        joint, own = worst_joint(robot.joints, each)
+        grade = grade_of(error)
+        if not joint:
+            return "", "", grade
+        at = robot.joints.index(joint)
+        size = f"{format_number(float(sizes[at]), 2)} {robot.torque_units[at]}"
         worst = sentence("quality", "worst", joint=joint, own=own, rms=size)
-        grade = worse_of(grade, grade_of(own)) if errs_unevenly(error, own) else grade
-    tone = TONES[grade]
-    poor = tone == "vermilion"
-    if reserved and tone == "green":
-        tone = "grey"
-    if poor or not reserved:
-        text = join_sentences(sentence("decision.uses", grade), text)
-    found = answer("quality", part, text, tone, question=question, error=error, worst=worst)
-    # A filter makes a difference.
-    filtered = np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6)
-    return replace(found, more=sentence("quality", "raw", raw=raw) if filtered else "")
+        if not errs_unevenly(error, own):
+            return worst, "", grade
+        noisy = is_noise(sizes, self.noise())[at]
+        text = sentence("quality", "noisy", joint=joint) if noisy else ""
+        return worst, text, max(grade, grade_of(own), key=list(TONES).index)
 
 
 def worst_joint(joints: Sequence[str], each: Array) -> tuple[str, float]:
@@ -312,7 +296,13 @@ def torque_noise(samples: Sequence[Dataset]) -> Array:
 def state_uneven(error: float, joints: Sequence[str], each: Array) -> list[Finding]:
     """Return that one joint errs far more than all joints together, if one does.
 
-    Parameters as of `answer_quality`.
+    Parameters
+    ----------
+    error : float
+        On unseen motion, relative to the variation of torque.
+    joints : sequence of str
+    each : (n,)
+        The same of each joint over its own scale; nan where its torque was not measured.
     """
     joint, worst = worst_joint(joints, each)
     if not (joint and np.isfinite(error) and errs_unevenly(error, worst)):
@@ -329,12 +319,6 @@ def errs_unevenly(error: float, own: float) -> bool:
         return False
     poor = TONES[grade_of(error)] == "green" and TONES[grade_of(own)] == "vermilion"
     return poor or own > RULES.uneven * error
-
-
-def worse_of(*grades: str) -> str:
-    """Return the worst of some grades."""
-    order = list(TONES)
-    return max(grades, key=order.index)
 
 
 def answer_trust(

@@ -71,7 +71,7 @@ class DiagnosisPresenter(PredictingPresenter):
         result = self.result
         missing = after_mass(_answer_missing(result), result.mass_warning)
         question = sentence("diagnosis.residual", "question")
-        error = self.answer_error(result.unexplained, question=question)
+        error = self.answer_error("", result.unexplained, question=question)
         error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending
@@ -387,7 +387,8 @@ def _answer_gap(d: Diagnosis) -> Answer:
     """Return the error on unseen motion without and with the named effects."""
     about = "diagnosis.explained"
     if not (d.included or d.problem.left_out):
-        text = sentence(about, "measured", verified=d.verified_on)
+        model = d.known.words.rstrip(",")
+        text = sentence(about, "measured", verified=d.verified_on, model=model)
         if d.effects:
             text += sentence(about, "useless")
         return answer(about, "stays", text, error=d.held_before)
@@ -400,8 +401,7 @@ def _answer_gap(d: Diagnosis) -> Answer:
         text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
     tone = "green" if d.interval[1] < 0 else "amber"
     holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
-    model = d.known.words.rstrip(",")
-    return answer(about, "falls", text, tone, model=model, interval=interval, **holes)
+    return answer(about, "falls", text, tone, interval=interval, **holes)
 
 
 def _state_looks(d: Diagnosis) -> str:
