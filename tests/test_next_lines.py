@@ -99,22 +99,28 @@ def check(typed, folder):
     return lines
 
 
-@pytest.mark.parametrize(
-    "typed", [t if t in FEW else pytest.param(t, marks=pytest.mark.everything) for t in TYPED]
-)
-def test_every_line_that_is_proposed_works_where_it_is_printed(typed, logs, tmp_path, monkeypatch):
+@pytest.fixture
+def folder(logs, tmp_path, monkeypatch):
+    """A folder with a robot and logs, in which commands are typed."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "robot.xml").write_bytes(Robot.load("two-link").path.read_bytes())
     for name, log in logs.items():
         log.write(tmp_path / f"{name}.csv")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "typed", [t if t in FEW else pytest.param(t, marks=pytest.mark.everything) for t in TYPED]
+)
+def test_every_line_that_is_proposed_works_where_it_is_printed(typed, folder):
     if "result.json" in typed:
         call(shlex.split(f"analyze {GIVEN} --json result.json"))
-    lines = check(typed, tmp_path)
+    lines = check(typed, folder)
     if typed.startswith("predict robot.xml result.json a"):
         assert lines[0].endswith("b.csv --out model.toml --report missing.html")
     if typed.startswith(("analyze", "diagnose", "prune")):
         again = any(line.startswith(f"identifiability {typed.split()[0]} ") for line in lines)
-        assert again == ("reruns this" in (tmp_path / "page.html").read_text("utf-8"))
+        assert again == ("reruns this" in (folder / "page.html").read_text("utf-8"))
         assert not again or "mine" not in typed
 
 
@@ -283,18 +289,14 @@ def words(text):
     ],
 )
 def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
-    typed, logs, tmp_path, monkeypatch
+    typed, folder, monkeypatch
 ):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "robot.xml").write_bytes(Robot.load("two-link").path.read_bytes())
-    for name, log in logs.items():
-        log.write(tmp_path / f"{name}.csv")
     if "result.json" in typed:
         call(shlex.split("analyze robot.xml a.csv --set replicates=0 --json result.json"))
     shown = []
     monkeypatch.setattr(common, "print_table", lambda t, rows, _: shown.append(t.brief(rows)))
     said = call([*shlex.split(typed), "-v"])
-    page = (tmp_path / ("page.html" if "page" in typed else "out/index.html")).read_text("utf-8")
+    page = (folder / ("page.html" if "page" in typed else "out/index.html")).read_text("utf-8")
     cells = Cells()
     cells.feed(page)
     texts = {words(text) for text in cells.texts}
@@ -310,16 +312,10 @@ def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
 @pytest.mark.parametrize(
     "own", [[], pytest.param(["a.csv", "b.csv"], marks=pytest.mark.everything)]
 )
-def test_the_line_that_a_new_study_begins_with_works_where_it_says(
-    own, logs, tmp_path, monkeypatch
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "robot.xml").write_bytes(Robot.load("two-link").path.read_bytes())
-    for name in ("a", "b"):
-        logs[name].write(tmp_path / f"{name}.csv")
+def test_the_line_that_a_new_study_begins_with_works_where_it_says(own, folder, monkeypatch):
     said = call(["new", "mine", *own, "--robot", "robot.xml"])
-    folder, line = re.search(r"Begin with: cd (\S+) && identifiability (.*)", said).groups()
-    monkeypatch.chdir(tmp_path / folder)
+    study, line = re.search(r"Begin with: cd (\S+) && identifiability (.*)", said).groups()
+    monkeypatch.chdir(folder / study)
     call(shlex.split(line))
 
 
