@@ -138,13 +138,13 @@ class MujocoRoad:
         self.data.qpos[:] = q
         mujoco.mj_integratePos(self.model, self.data.qpos, step, 1.0)
 
-    def _equalities(self, q):
+    def _equalities(self, q, step=None):
         """Return errors (m,) and Jacobian (m, nv) of the equality constraints."""
         m = self.model
         d = self.data
         if not self.closes or not m.neq:
             return np.empty(0), np.empty((0, m.nv))
-        self._place(q, np.zeros(m.nv))
+        self._place(q, np.zeros(m.nv) if step is None else step)
         d.qvel[:] = 0
         mujoco.mj_fwdPosition(m, d)
         rows = d.efc_type[: d.nefc] == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
