@@ -575,10 +575,12 @@ def test_rests_tell_friction_from_an_offset(arm, frames, kind, effect):
 
 def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, frames):
     log = read(arm, frames[0])
-    found = fit_rollouts(unstated, [log], file_shares(unstated))
+    shares = {"link1": 0.2, "link2": 0.2}
+    found = fit_rollouts(unstated, [log], shares)
     loose = found.covariance.copy()
+    assert 0.1 < np.sqrt(loose[3, 3]) < 0.2  # as bodies are
     loose[3, 3] = 1.0  # of the logarithm of the elbow's gain
-    said = state_gains(unstated, [log.name], replace(found, covariance=loose), {"link2": 0.2})
+    said = state_gains(unstated, [log.name], replace(found, covariance=loose), shares)
     assert "do not determine the gain of elbow" in said
     assert "kp of shoulder" in said
     assert not re.search(r"elbow [\d.]+ \(", said)

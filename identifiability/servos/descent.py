@@ -276,15 +276,13 @@ def conclude(problem: RolloutProblem, end: SearchEnd) -> Rollouts:
     to_gains = np.diag(np.exp(last))
     to_gains[range(n), range(n, 2 * n)] = over[-2] * numbers["kv"]
     unsure = np.sqrt(np.diag(covariance))
-    errors = problem.errors(end.q)
-    missed = problem.missed(end.q)
     delay_errors = unsure[problem.delays] * problem.varied[problem.delays]
     return Rollouts(
         numbers=numbers,
         parameters=problem.parameters(numbers),
         delays=delays,
-        errors=errors,
-        missed=missed,
+        errors=problem.errors(end.q),
+        missed=problem.missed(end.q),
         delay_errors=delay_errors,
         covariance=to_gains @ covariance[gains, gains] @ to_gains.T,
         unsure=unsure,

@@ -57,14 +57,12 @@ class FirstAnswer(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
-        delays = self.found.delays.tolist()
-        joints = [*self.rows()]
         return {
             "schema": self.schema,
             "robot": self.robot.name,
             "logs": list(self.logs),
             "seconds": self.seconds,
-            "delays": delays,
-            "joints": joints,
+            "delays": self.found.delays.tolist(),
+            "joints": [*self.rows()],
             "statement": self.statement,
         }

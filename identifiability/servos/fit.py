@@ -78,8 +78,7 @@ def fit_rollouts(
         again = descend(problem, restart_joints(problem, end.x, lost), BEGUN)
         new = problem.missed(again.q)[lost].sum()
         old = problem.missed(end.q)[lost].sum()
-        better = new < old
-        end = again if better else end
+        end = again if new < old else end
     if first is not None and len(windows) > len(logs):
         first(answer_first(robot, logs, problem, end))
     end = follow_valley(problem, end)

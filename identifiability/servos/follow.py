@@ -94,7 +94,7 @@ def follow_commands(
         Receives a first answer of long logs.
     """
     robot = structure.robot
-    servo = structure.robot.servo
+    servo = robot.servo
     at = [k for k, log in enumerate(recordings.fitted) if of_commands(log)]
     if servo is None or not at:
         return recordings, structure
@@ -151,8 +151,8 @@ def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> Ident
         found = divide_gains(found, factor)
         servo = with_numbers(servo.divided(factor), found)
         robot = replace(robot, servo=servo)
-    findings = (*odd, *scale)
-    return IdentifiedServos(robot, found, (*rivals, *servo.doubted), findings, " ".join(text))
+    rivals += servo.doubted
+    return IdentifiedServos(robot, found, tuple(rivals), (*odd, *scale), " ".join(text))
 
 
 def _calibrate(

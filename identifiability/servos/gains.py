@@ -110,14 +110,9 @@ def state_gains(
     of_kp = _list_gains("kp", robot, servo.kp, log_kp_sd * servo.kp, new_kp)
     of_kv = _list_gains("kv", robot, servo.kv, kv_sd, new_kv)
     of_ki = _list_gains("ki", robot, servo.integral, ki_sd, new_ki)
-    gains = [
-        of_kp,
-        of_kv,
-        of_ki,
-    ]
     surest = min(shares, key=lambda body: shares[body])
     within = percent(shares[surest])
-    listed = "; ".join(filter(None, gains))
+    listed = "; ".join(filter(None, [of_kp, of_kv, of_ki]))
     text = [phrase("gains.found", "says", names=list(names), gains=listed or "none by itself")]
     if np.isnan(asked.kp).any():
         text.append(phrase("gains.found", "bodies", body=surest, within=within))

@@ -220,12 +220,11 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
 
 def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -> str:
     """Return a number that explains errors in words."""
-    number = int(explanation.numbers[0])
-    value = explanation.end.x[number]
-    j = number % len(robot.joints)
+    value = explanation.end.x[explanation.numbers[0]]
     servo = problem.machine.servo
     kind = _kind(problem, explanation.numbers)
     places = explanation.numbers % len(robot.joints)
+    j = places[0]
     factor = np.exp(value) if kind == "kp" else 1.0
     return phrase(
         "odd_joint",

@@ -269,7 +269,7 @@ class RolloutProblem:
         ]
         joints = (x * self.varied)[: self.over.size]
         gains = joints[-len(self.trees) :] / LOOSE
-        sizes = numbers["sizes"] / [*self.shares.values()]
+        sizes = 2.0 * numbers["sizes"] / [*self.shares.values()]
         return np.array([*sizes, *stated, *gains])
 
     # The derivative.

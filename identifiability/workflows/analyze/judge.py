@@ -77,7 +77,10 @@ def decide_model(
     beside = structure.nominal_base - submodel.fixed
     stated = np.linalg.lstsq(submodel.M, beside, rcond=None)[0]
     forbidden = find_forbidden(model)
-    told = submodel.labels, submodel.units, torque, _aliases(estimate), forbidden, stated
+    # Missing effects may move a value to a sign that physics forbids.
+    moved = replace(model, estimate=replace(estimate, value=fit.value))
+    impossible = forbidden | find_forbidden(moved)
+    told = submodel.labels, submodel.units, torque, _aliases(estimate), impossible, stated
     return fit, judge(fit, *told), tuple(compress(submodel.columns, forbidden))
 
 

@@ -10,12 +10,12 @@ from numpy.testing import assert_allclose
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
-from identifiability.estimation.groups import NO_MISSING_EFFECTS
+from identifiability.estimation.groups import NO_MISSING_EFFECTS, LabelAlternatives
 from identifiability.estimation.prediction import Prediction
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
-from identifiability.workflows.analyze.judge import assess_ladder, select_model
+from identifiability.workflows.analyze.judge import assess_ladder, decide_model, select_model
 from identifiability.workflows.analyze.ladder import LadderFit
 
 from .made import gather
@@ -188,6 +188,14 @@ def test_signs_that_physics_forbids_are_named_and_make_a_model_impossible(ladder
     assert not results[0].feasible
     assert results[1].infeasible == ()
     assert not results[1].feasible  # the certificate says so
+
+
+def test_a_value_that_missing_effects_move_to_a_forbidden_sign_is_in_doubt(ladder):
+    model = fitted_model(submodel("full", [0], "a", [0]), ladder[2], np.ones(4))
+    moved = LabelAlternatives(np.array([3.0]), np.array([0.1]), ("play",), np.array([True]))
+    missing = SimpleNamespace(of_labels=lambda *_: moved)
+    _, (found,), infeasible = decide_model(model, 1.0, default_rng(0), 0, None, missing)
+    assert (found.word, infeasible) == ("not identifiable, model in doubt", ())
 
 
 def test_verdicts_say_what_a_column_cannot_be_told_from(ladder):
