@@ -139,6 +139,8 @@ class Contradiction:
         Share of the variance of channel `of` that the integral explains.
     slope : float
         Factor of the integral in this fit.
+    lag : float
+        Time by which it lags the true derivative [s]; 0 if that is not the contradiction.
     """
 
     joint: str
@@ -146,10 +148,11 @@ class Contradiction:
     of: str
     explained: float
     slope: float
+    lag: float = 0.0
 
     @property
     def text(self) -> str:
-        """It in half a sentence."""
+        """The explained share in half a sentence."""
         explained = 100 * max(self.explained, 0.0)
         return phrase(
             "contradictions",
@@ -184,16 +187,19 @@ def contradictions(log: Log) -> list[Contradiction]:
             fit = _compare(log.t, x[:, k], rate[:, k])
             if fit is None:
                 continue
-            slope, unexplained = fit
+            slope, unexplained, lag = fit
             if unexplained > RULES.unexplained or not least < slope < 1 / least:
                 found.append(Contradiction(joint, kind, of, 1 - unexplained, slope))
+            elif lag:
+                found.append(Contradiction(joint, kind, of, 1 - unexplained, slope, lag))
     return found
 
 
-def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
-    """Return the best factor of the integral of a rate (N,), and its unexplained variance.
+def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float, float] | None:
+    """Return the best factor of the integral of a rate (N,), its unexplained variance, its lag.
 
-    The variance is relative to that of `x`. The result is None if noise hides the motion.
+    The variance is relative to that of `x`, and a lag that does not matter is 0. The result is None
+    if noise hides the motion.
     """
     dt = np.diff(t)
     whole = dt < RULES.gap * np.median(dt)
@@ -205,8 +211,7 @@ def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
     Q = np.linalg.qr(drift)[0]
     given = given - Q @ (Q.T @ given)
     integral = integral - Q @ (Q.T @ integral)
-    bends = np.diff(x, 2)
-    noise = np.sqrt(np.mean(bends**2) / 6) if len(x) > 2 else 0.0
+    noise = _find_noise(x)
     size = float(np.sqrt(np.mean(given**2)))
     # Least ratio of motion to the noise of single samples for a comparison.
     if not size > 4.0 * noise or not size > 0:
@@ -214,4 +219,37 @@ def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
     square = float(integral @ integral)
     slope = float(given @ integral) / square if square > 0 else 0.0
     left = given - slope * integral
-    return slope, float(left @ left) / float(given @ given)
+    steady = rate[1:] - Q @ (Q.T @ rate[1:])
+    lag = _find_lag(left, steady, float(np.median(dt)), noise)
+    return slope, float(left @ left) / float(given @ given), lag
+
+
+def _find_noise(x: Array) -> float:
+    """Return the noise of single samples of a channel (N,), from its second differences."""
+    bends = np.diff(x, 2)
+    return float(np.sqrt(np.mean(bends**2) / 6)) if len(x) > 2 else 0.0
+
+
+def _find_lag(left: Array, rate: Array, step: float, noise: float) -> float:
+    """Return the lag of a rate (N,) [s] that its integral leaves unexplained; 0 if it is harmless.
+
+    An integral that lags by d misses d times the rate. A lag counts if it is certainly longer than
+    a sample, and spoils the rate more than noise spoils a derivative of the samples.
+    """
+    square = float(rate @ rate)
+    if not square > 0:
+        return 0.0
+    lag = float(left @ rate) / square
+    misses = (left - lag * rate) * rate
+    # Few long blocks, as errors of an integral last; errors of one sign are the worst case.
+    blocks = np.array_split(misses, round(len(rate) ** (1 / 3)))
+    error = sum(abs(float(block.sum())) for block in blocks) / square
+    if not abs(lag) > step + error:
+        return 0.0
+    samples = round(abs(lag) / step)
+    changes = rate[samples:] - rate[:-samples]
+    spoilt = np.mean(changes**2) - 2 * _find_noise(rate) ** 2
+    # A derivative up to the cut-off f has the variance ∫ (2πf)² 2 step df of white noise.
+    cutoff = RULES.cutoff_highest / step
+    derived = noise * 2 * np.pi * cutoff * np.sqrt(2 * cutoff * step / 3)
+    return lag if spoilt > derived**2 else 0.0

@@ -18,7 +18,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
-from identifiability.logs.contradictions import contradictions
+from identifiability.logs.contradictions import Contradiction, contradictions
 from identifiability.logs.rows import find_range
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import Spike, Wraps, find_wraps, mend_column
@@ -29,17 +29,26 @@ from .registry import Does, RawLogs, check, mend_each
 
 @mend_each("silent")
 def find_silent(log: Log) -> tuple[Log, list[Finding]]:
-    """Report rows in which torque was not measured; the fit omits these equations."""
+    """Report rows in which torque was not measured; the fit omits these equations.
+
+    A joint of which no row was measured, while others were, is a doubt.
+    """
     gone = np.zeros(len(log.joints), int) if log.unmeasured is None else log.unmeasured.sum(0)
     counts = zip(log.joints, gone.tolist(), strict=True)
     lost = {j: n for j, n in counts if n}
-    if not lost:
-        return log, []
-    where = [phrase("silent", "one", joint=j, rows=n, all=len(log)) for j, n in lost.items()]
-    columns = [f"{j}.tau" for j in lost]
-    rows = max(lost.values())
-    said = Finding("silent", log.name, where=where, rows=rows, columns=columns)
-    return log, [said]
+    found = list[Finding]()
+    never = [] if log.motion_alone else [j for j, n in lost.items() if n == len(log)]
+    if never:
+        where = [phrase("unmeasured", "empty", joint=j) for j in never]
+        columns = [f"{j}.tau" for j in never]
+        found.append(Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log)))
+    partly = {j: n for j, n in lost.items() if j not in never}
+    if partly:
+        where = [phrase("silent", "one", joint=j, rows=n, all=len(log)) for j, n in partly.items()]
+        columns = [f"{j}.tau" for j in partly]
+        rows = max(partly.values())
+        found.append(Finding("silent", log.name, where=where, rows=rows, columns=columns))
+    return log, found
 
 
 # Stuck torque and repeated rows: a sensor or a logger hangs while the robot moves.
@@ -272,11 +281,15 @@ def drop_contradicting(logs: RawLogs) -> RawLogs:
     return logs.each(partial(_drop_contradictions, asked=asked))
 
 
+#: Channels in words.
+_NAMES = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
+
+
 def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
     wrong = [c for c in contradictions(log.shown) if not c.in_unit]
     if not wrong:
         return log, []
-    where = [c.text for c in wrong]
+    where = [*(c.text for c in wrong if not c.lag), *_state_lags(wrong)]
     columns = [f"{c.joint}.{c.kind}" for c in wrong]
     if asked:
         return log, [
@@ -289,8 +302,7 @@ def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
         ]
     # A derivative of a wrong velocity cannot be checked.
     gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
-    names = {"dq": "velocities", "ddq": "accelerations"}
-    words = " and ".join(names[c] for c in gone if c in log.channels)
+    words = " and ".join(_NAMES[c] for c in gone if c in log.channels)
     return log.without(gone), [
         Finding(
             "contradictions",
@@ -301,3 +313,13 @@ def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
             rows=len(log),
         )
     ]
+
+
+def _state_lags(wrong: Sequence[Contradiction]) -> Iterator[str]:
+    """Yield which columns lag by how long, then which are ahead; velocities come first."""
+    for of in ("q", "dq"):
+        for key, sign in (("lags", 1), ("leads", -1)):
+            lags = {f"{c.joint}.{c.kind}": c.lag for c in wrong if c.of == of and sign * c.lag > 0}
+            if lags:
+                ms = 1e3 * abs(float(np.median([*lags.values()])))
+                yield phrase("contradictions", key, columns=[*lags], of=_NAMES[of], ms=ms)

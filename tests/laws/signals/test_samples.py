@@ -207,7 +207,10 @@ def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
     shift = 0.1  # of 2π·.8 · .1 = .50 rad: sin² .50 = .23 of the variance is not explained
     late = wave(T - shift)[1]
     assert "shoulder.dq" in remarks(dq=late, ddq=None)
-    assert remarks(dq=wave(T - 0.05)[1], ddq=None) == []  # sin² .25 = .06
+    for late in (0.016, -0.016):
+        found = contradictions(log_of(T, dq=wave(T - late)[1]))
+        assert_allclose([c.lag for c in found[:2]], late, atol=2e-3)
+    assert remarks(dq=wave(T - 0.005)[1], ddq=None) == []  # backward differences
     (one,) = contradictions(log_of(T, ddq=ddq * [0.0, 1.0] + [1e-3, 0.0]))
     assert one.text.startswith("'shoulder.ddq' contradicts 'shoulder.dq' (its integral")
 
