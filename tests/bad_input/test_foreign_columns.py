@@ -147,13 +147,11 @@ def partly(frame, tau):
 def test_a_joint_without_torque_keeps_its_motion_and_loses_its_equations(tau, arm):
     log, samples = partly(arm, tau)
     assert log.unmeasured[:, 1].all()
-    assert not log.unmeasured[:, 0].any()
     how = Preparation(keep_rest=True)
     whole = prepare_log(Robot.load("two-link"), Log.from_frame(arm), how)
     assert_array_equal(samples.motion.q, whole.motion.q)
     assert not samples.weight[:, 1].any()
     again = log.to_frame()
-    assert again["elbow.tau"].isna().all()
     assert Log.from_frame(again, "log", known()).rows(3, 9).unmeasured[:, 1].all()
     result = analyze("two-link", arm.assign(**{"elbow.tau": np.nan}), replicates=0)
     full = analyze("two-link", arm, replicates=0)
