@@ -234,7 +234,7 @@ def _find_lag(left: Array, rate: Array, step: float, noise: float) -> float:
     """Return the lag of a rate (N,) [s] that its integral leaves unexplained; 0 if it is harmless.
 
     An integral that lags by d misses d times the rate. A lag counts if it is certainly longer than
-    a sample, and spoils the rate more than noise spoils a derivative of the samples.
+    that of a backward difference, and spoils the rate more than noise spoils a derivative of the samples.
     """
     square = float(rate @ rate)
     if not square > 0:
@@ -244,7 +244,8 @@ def _find_lag(left: Array, rate: Array, step: float, noise: float) -> float:
     # Few long blocks, as errors of an integral last; errors of one sign are the worst case.
     blocks = np.array_split(misses, round(len(rate) ** (1 / 3)))
     error = sum(abs(float(block.sum())) for block in blocks) / square
-    if not abs(lag) > step + error:
+    # A backward difference lags by half a step, and may be logged a step later.
+    if not abs(lag) > 1.5 * step + error:
         return 0.0
     samples = round(abs(lag) / step)
     changes = rate[samples:] - rate[:-samples]

@@ -76,7 +76,7 @@ def test_a_flat_profile_names_the_simpler_model_and_prune_takes_the_step():
 def test_friction_of_another_form_stays_in_doubt_in_a_joint_that_turns_all_the_time():
     case = case_of(1.0, speed=0.3, power=2, harmonics=20, stated=SPEED, cutoff=2.5)
     found = analyze(case, replicates=0)
-    assert found["elbow.Fc"].verdict == "sign only"
+    assert found["elbow.Fc"].verdict != "identifiable"
     assert abs(found["elbow.Fv"].estimate - 0.6) < 0.03
 
 
