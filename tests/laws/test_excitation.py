@@ -21,7 +21,7 @@ from identifiability.workflows.excite.criteria import (
     pose_question,
     scaled,
 )
-from identifiability.workflows.excite.limits import INNER, Limits, find_limits
+from identifiability.workflows.excite.limits import INNER, Drive, Limits, find_limits
 from identifiability.workflows.excite.search import DRAWS, OPEN, Objective, Series, search
 
 # --- criteria ---------------------------------------------------------------------------------
@@ -161,10 +161,11 @@ def test_a_candidate_that_asks_too_much_of_a_drive_pays_for_it(five_bar):
     x[0, :4] = [0.3, 0.5, -0.2, 0.4]
     plain = Objective(question, known, Series(inside, 2.0, 1), 30)
     weak = find_limits(five_bar, {five_bar.joints[0]: {"tau": 1e-3}})
-    G, space = Objective(question, known, Series(weak, 2.0, 1), 30).look(x, 30)
+    drive = Drive.of(question.structure, weak, ())
+    loaded = Objective(question, known, Series(weak, 2.0, 1), 30, drive)
+    G, space = loaded.look(x, 30)
     assert space.load[0] > 1
-    paid = Objective(question, known, Series(weak, 2.0, 1), 30)(x)[0]
-    assert paid - plain(x)[0] == pytest.approx(20 * np.log(space.load[0] / INNER))
+    assert loaded(x)[0] - plain(x)[0] == pytest.approx(20 * np.log(space.load[0] / INNER))
     assert plain(x)[0] == pytest.approx(question.criterion.cost(G)[0])
 
 

@@ -15,6 +15,7 @@ from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import format_number
 from identifiability.workflows.excite.criteria import LogDet
+from identifiability.workflows.excite.limits import BEYOND
 
 from .commands import name_logs
 from .common import AnsweringPresenter, Command, answer, command, sentence
@@ -88,6 +89,7 @@ class ExcitationPresenter(AnsweringPresenter):
             bound = limits.closure_bound
             closure = result.closure
             parts.append(sentence(about, "loops", samples=samples, closure=closure, bound=bound))
+        parts += _state_torque(result)
         if np.isfinite(result.gap):
             parts.append(sentence(about, "gap", gap=1000 * result.gap))
         if limits.assumed:
@@ -118,6 +120,22 @@ class ExcitationPresenter(AnsweringPresenter):
         result = self.result
         columns = {"name": result.names, "unit": result.units, "sigma_ratio": result.gain}
         return by_name(pd.DataFrame(columns))
+
+
+def _state_torque(result: Excitation) -> list[str]:
+    """Return the largest planned torque of each drive with a limit, and where limits are from."""
+    limits = result.limits
+    about = "excitation.limits"
+    planned = zip(limits.joints, result.torque, limits.torque[: len(result.torque)], strict=False)
+    each = [
+        f"{format_number(torque, 3)} of {format_number(most, 3)} in {joint} ({torque / most:.0%})"
+        for joint, torque, most in planned
+        if np.isfinite(most)
+    ]
+    parts = [sentence(about, "torque", each=each)] if each else []
+    if limits.logged:
+        parts.append(sentence(about, "logged", times=BEYOND, names=limits.logged))
+    return parts
 
 
 def _answer_worth(result: Excitation) -> Answer:

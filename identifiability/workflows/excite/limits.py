@@ -7,7 +7,7 @@ overload drives, by the nominal model. Bodies may come near each other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import RootModel, ValidationError
 
 from identifiability.effects import default_effects
+from identifiability.estimation.estimate import estimate
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.findings import Finding, phrase
@@ -22,8 +23,10 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare.dataset import Dataset
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import USUAL_EFFECTS
-from identifiability.regression.regression import Model
+from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure, sense_joints
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import invert, loop_jacobian, passes_singular
@@ -59,6 +62,8 @@ class Limits:
         Largest condition number of the closure of a closed chain.
     assumed : tuple of str
         Limits that are assumed because they are not stated, such as ``joint1.v``.
+    logged : tuple of str
+        Joints whose torque limit is a multiple of the largest torque in logs.
     """
 
     joints: tuple[str, ...]
@@ -71,6 +76,7 @@ class Limits:
     # Condition number that a motion stays below; above 1000 a configuration is near-singular.
     closure_bound: float = 300.0
     assumed: tuple[str, ...] = ()
+    logged: tuple[str, ...] = ()
 
     @property
     def middle(self) -> Array:
@@ -121,6 +127,24 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
             raise RobotError(Finding("excite.room", joint=name, least=least, most=most))
     drives = found["tau"], found["power"]
     return Limits(known, low, high, found["v"], found["a"], *drives, assumed=tuple(assumed))
+
+
+#: Multiple of the logs' largest torque, and of their condition number, that a motion may reach.
+BEYOND: Tolerance = 2.0
+
+
+def limit_by_logs(limits: Limits, samples: Sequence[Dataset]) -> Limits:
+    """Return limits with a torque for each joint without one, and the closure, from logs."""
+    if not samples:
+        return limits
+    largest = np.max([np.abs(s.survey.torque_range).max(0) for s in samples], axis=0)
+    measured = BEYOND * largest[-len(limits.joints) :]
+    unstated = np.isinf(limits.torque) & (measured > 0)
+    torque = np.where(unstated, measured, limits.torque)
+    logged = tuple(joint for joint, new in zip(limits.joints, unstated, strict=True) if new)
+    measured_condition = max(s.motion.condition for s in samples)
+    bound = min(limits.closure_bound, BEYOND * measured_condition)
+    return replace(limits, torque=torque, logged=logged, closure_bound=bound)
 
 
 def _filed_limits(robot: Robot) -> dict[str, Array]:
@@ -243,39 +267,59 @@ def nearness(gaps: Array) -> Array:
     return near
 
 
-# Load of the drives by a motion: torque and power by the nominal model of the robot file.
+# Load of the drives by a motion: torque and power by the model that fits logs, or the nominal one.
 
 
 @frozen
 class Drive:
-    """The nominal model, and the limits of its drives.
+    """A model with values, and the limits of its drives.
 
     Attributes
     ----------
-    structure : Structure
-        The robot under its nominal model; values that the robot file does not state are zero.
+    robot : Robot
+    model : Model
+    columns : (b,) int
+        Base parameters of the model.
+    values : (b,)
+        Those that fit the logs. Without logs they are nominal. Values that the robot file does not
+        state are zero.
     torque, power : (n,) [N·m or N; W]
         Largest of each drive; infinite where not stated.
     """
 
-    structure: Structure
+    robot: Robot
+    model: Model
+    columns: np.ndarray
+    values: Array
     torque: Array
     power: Array
 
     @staticmethod
-    def of(robot: Robot, limits: Limits) -> Drive | None:
-        """Return the drives of a robot; None where no limit of a drive is stated."""
-        if not (np.isfinite(limits.torque).any() or np.isfinite(limits.power).any()):
+    def of(structure: Structure, limits: Limits, samples: Sequence[Dataset]) -> Drive | None:
+        """Return the drives of a robot; None where no drive has a limit."""
+        drives = limits.torque, limits.power
+        if not np.isfinite(drives).any():
             return None
-        # Limits are those of motors, wherever torque was measured.
-        model = Model.of(*default_effects(robot, USUAL_EFFECTS))
-        structure = Structure.of(sense_joints(robot), model)
-        return Drive(structure, limits.torque, limits.power)
+        if limits.logged:
+            kept = structure.base.kept
+            along = Regression(structure.robot, structure.model, tuple(samples), kept)
+            values = estimate(gather_information(along)).value
+            return Drive(structure.robot, structure.model, kept, values, *drives)
+        # Stated limits are those of motors, wherever torque was measured.
+        model = Model.of(*default_effects(structure.robot, USUAL_EFFECTS))
+        nominal = Structure.of(sense_joints(structure.robot), model)
+        every = np.arange(len(nominal.nominal))
+        return Drive(nominal.robot, model, every, nominal.nominal, *drives)
+
+    def predict(self, motion: Motion) -> Array:
+        """Return the size of the torque of each drive, (N, n)."""
+        W = self.model.regressor(self.robot, motion)
+        torque: Array = np.abs(W[:, :, self.columns] @ self.values)
+        return torque
 
     def load(self, motion: Motion) -> Array:
         """Return the largest share of a limit that each sample uses, (N,)."""
-        of = self.structure
-        torque = np.abs(of.model.regressor(of.robot, motion) @ of.nominal)
+        torque = self.predict(motion)
         power = np.abs(torque * motion.actuated_v)
         share: Array = np.maximum(torque / self.torque, power / self.power).max(1)
         return share

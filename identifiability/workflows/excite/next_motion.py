@@ -38,10 +38,10 @@ from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Trajectory
-from identifiability.workflows.diagnose.result import Diagnosis, Placement
+from identifiability.workflows.diagnose.result import Diagnosis, Placement, Rival
 
 from .criteria import Ask, Discrimination, Known, Question, add_beside, gather_known
-from .limits import LimitsLike, find_limits
+from .limits import LimitsLike, find_limits, limit_by_logs
 from .result import Excitation
 from .search import Series
 from .workflow import find_motion
@@ -132,7 +132,8 @@ def find_next(
         bench = Bench.of(d)
         known = bench.known
         step = sampling_step(d.samples[0].output_times())
-        series = Series(find_limits(d.robot, limits), duration, harmonics, at_rest=True)
+        bounds = limit_by_logs(find_limits(d.robot, limits), d.samples)
+        series = Series(bounds, duration, harmonics, at_rest=True)
         expected = replace(known, samples=duration / step)
         motion = find_motion(
             bench.question,
@@ -141,6 +142,7 @@ def find_next(
             Run(progress or quiet, seed=seed),
             FINAL,
             evaluations,
+            d.samples,
             "next",
         )
         new = bench.along(d, motion.trajectory)
@@ -191,11 +193,10 @@ class Bench:
         IdentifiabilityError
             If nothing is undecided.
         """
-        name, p = _find_undecided(d)
+        name, p, shapes = _find_undecided(d)
         text = f"{name}@{p.place}" if np.isnan(p.shape) else f"{name}@{p.place}:{float(p.shape)!r}"
-        rivals = list(dict.fromkeys(p.rivals))
         named = _name_part(d, name, p)
-        effects = [[named], *(list_shapes(d, r.family, r.place) for r in rivals)]
+        effects = [[named], *shapes.values()]
         model = Model.of(*(x for x in d.model.texts if x != text))
         question = add_beside(Structure.of(d.robot, model), [Placed(parts) for parts in effects])
         first, ((own,), *others) = _find_columns(d, question, effects)
@@ -205,7 +206,7 @@ class Bench:
         values = np.array([by_name[one.name] for one in parameters])
         asks = _ask_rivals(known.G, own, values, others)
         aim = Discrimination(first, asks)
-        names = (text, *(f"{r.family}@{r.place}" for r in rivals))
+        names = (text, *(f"{r.family}@{r.place}" for r in shapes))
         return Bench(replace(question, criterion=aim, chosen=names), aim, known)
 
     def told(self, G: Array) -> np.ndarray:
@@ -249,8 +250,10 @@ class Bench:
         return said
 
 
-def _find_undecided(d: Diagnosis) -> tuple[str, Placement]:
-    """Return the undecided name with the largest torque, and its place.
+def _find_undecided(d: Diagnosis) -> tuple[str, Placement, dict[Rival, list[Part]]]:
+    """Return the undecided name with the largest torque, its place, and the shapes of its rivals.
+
+    A rival that these motions give no shape of is left out.
 
     Raises
     ------
@@ -258,9 +261,12 @@ def _find_undecided(d: Diagnosis) -> tuple[str, Placement]:
         If nothing is undecided.
     """
     found = [(p.rms, e.name, p) for e in d.effects for p in e.placements if p.rivals]
-    if not found:
-        raise IdentifiabilityError(Finding("excite.decided"))
-    return max(found, key=lambda one: one[:2])[1:]
+    for _, name, p in sorted(found, key=lambda one: one[:2], reverse=True):
+        each = {r: list_shapes(d, r.family, r.place) for r in p.rivals}
+        shapes = {rival: parts for rival, parts in each.items() if parts}
+        if shapes:
+            return name, p, shapes
+    raise IdentifiabilityError(Finding("excite.decided"))
 
 
 def _name_part(d: Diagnosis, name: str, p: Placement) -> Part:

@@ -138,6 +138,10 @@ class Excitation(Result):
         Of the same logs measured again, or of a random motion in the middle of many within the
         same limits; and of the trajectory.
     limits : Limits
+    drive : Drive or None
+        The model that predicts torque, if any drive has a limit.
+    torque : (n,)
+        Largest predicted torque of each drive; empty if none has a limit.
     closure : float
         Largest condition number of the closure along the motion; 1 for an open chain.
     evaluations : int
@@ -164,6 +168,8 @@ class Excitation(Result):
     before: Merit
     after: Merit
     limits: Limits
+    drive: Drive | None
+    torque: Array
     closure: float
     evaluations: int
     seed: int
@@ -214,10 +220,10 @@ class Excitation(Result):
         longest = path.period * (periods + 2 * 4)
         if longest * rate > MOST_SAMPLES:
             raise LogError(Finding("excite.long", seconds=longest, rate=rate, most=MOST_SAMPLES))
-        drive, (watched, _) = Drive.of(self.robot, limits), Clearance.of(self.robot)
+        watched = Clearance.of(self.robot)[0]
         for rise in path.period * 2.0 ** np.arange(-2, 3):  # up to four periods
             motion = _windowed(path, rise, rate, periods)
-            if _keeps(self.robot, motion, limits, drive, watched):
+            if _keeps(self.robot, motion, limits, self.drive, watched):
                 return motion
         raise LogError(Finding("excite.rest", motion=path.name, robot=self.robot.name))
 

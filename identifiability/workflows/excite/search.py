@@ -153,22 +153,20 @@ class Objective:
     series : Series
     samples : int
         At which a candidate is evaluated.
+    drive : Drive, optional
+        The drives with their limits, if any has one.
     """
 
     question: Question
     known: Known
     series: Series
     samples: int
+    drive: Drive | None = None
 
     @property
     def limits(self) -> Limits:
         """Limits of the series."""
         return self.series.limits
-
-    @cached_property
-    def drive(self) -> Drive | None:
-        """The drives with their limits, if any limit is stated."""
-        return Drive.of(self.question.structure.robot, self.limits)
 
     @cached_property
     def watched(self) -> tuple[Clearance | None, str]:
@@ -232,6 +230,14 @@ class Objective:
             return complete_motion(self.question.structure.robot, times, q, v, a)
         except ClosureError:
             return None
+
+    def torque(self, x: Array, samples: int) -> Array:
+        """Return the largest torque of each drive along a candidate, (n,); without limits none."""
+        motion = self._complete(np.atleast_2d(x), samples)
+        if motion is None or self.drive is None:
+            return np.empty(0)
+        torque: Array = self.drive.predict(motion).max(0)
+        return torque
 
     def look(self, x: Array, samples: int) -> tuple[Array, Workspace]:
         """Return Gram matrices of logs and candidates together (m, k, k), and the workspace."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Annotated
@@ -29,6 +29,7 @@ from identifiability.foundation.options import (
 )
 from identifiability.foundation.runs import Progress, Run, quiet
 from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.dataset import Dataset
 from identifiability.quality.recordings import Logs
 from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model, free_again
 from identifiability.regression.structure import Structure
@@ -37,7 +38,7 @@ from identifiability.workflows.case import MEASURED, Case, Data, take_case
 from identifiability.workflows.provenance import state_provenance
 
 from .criteria import Known, LogDet, Question, gather_known, know_nothing, pose_question, scaled
-from .limits import CLEARANCE, LimitsLike, Workspace, find_limits
+from .limits import CLEARANCE, Drive, LimitsLike, Workspace, find_limits, limit_by_logs
 from .result import Excitation, Merit
 from .search import OPEN, Objective, Search, Series, search
 
@@ -118,9 +119,10 @@ def excite(
         ask = partial(pose_question, parameters=parameters, separate=separate)
         planned = samples if start_from is None and not case.logs else None
         question, known, data = _pose(ask, case, robot, model, run, planned)
-        bounds = find_limits(question.structure.robot, limits)
+        measured = data.samples if data else ()
+        bounds = limit_by_logs(find_limits(question.structure.robot, limits), measured)
         series = Series(bounds, duration or DEFAULTS.period, harmonics)
-        found = find_motion(question, known, series, run, samples, evaluations)
+        found = find_motion(question, known, series, run, samples, evaluations, measured)
     return _complete(found, case, data, model, evaluations)
 
 
@@ -175,6 +177,7 @@ def find_motion(
     run: Run,
     samples: int,
     evaluations: int,
+    measured: Sequence[Dataset] = (),
     name: str = "excite",
 ) -> Excitation:
     """Find the motion that answers a question best, given earlier information.
@@ -189,6 +192,8 @@ def find_motion(
     run : Run
     samples, evaluations : int
         As for `excite`.
+    measured : sequence of Dataset
+        Earlier logs, which limit torque where nothing else does.
     name : str
         Of the motion.
 
@@ -197,7 +202,8 @@ def find_motion(
     IdentifiabilityError
         If no candidate keeps the workspace.
     """
-    objective = Objective(question, known, series, min(samples, series.looks))
+    drive = Drive.of(question.structure, series.limits, measured)
+    objective = Objective(question, known, series, min(samples, series.looks), drive)
     aim = question.criterion
 
     def show(cost: float, share: float) -> None:
@@ -222,6 +228,8 @@ def find_motion(
         before=before,
         after=after,
         limits=series.limits,
+        drive=drive,
+        torque=objective.torque(x, samples),
         closure=float(space.condition[0]),
         gap=gap,
         evaluations=found.evaluations,
