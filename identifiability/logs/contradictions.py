@@ -234,7 +234,8 @@ def _find_lag(left: Array, rate: Array, step: float, noise: float) -> float:
     """Return the lag of a rate (N,) [s] that its integral leaves unexplained; 0 if it is harmless.
 
     An integral that lags by d misses d times the rate. A lag counts if it is certainly longer than
-    that of a backward difference, and spoils the rate more than noise spoils a derivative of the samples.
+    that of a backward difference, and spoils the rate more than noise spoils a derivative of the
+    samples.
     """
     square = float(rate @ rate)
     if not square > 0:
