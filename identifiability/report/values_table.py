@@ -30,17 +30,19 @@ def joint_values(result: Laddered[Any]) -> Table | None:
     if not kinds:
         return None
     names = [k if k in JOINT_KINDS else "rotor" for k in kinds]
-    titles = [sentence("values", name) for name in (*(["m"] if masses else []), *names)]
-    columns = [Column(sentence("values", "joint")), *(Column(t, "badge") for t in titles)]
     moved = zip(robot.bodies, robot.links, strict=True)
     bodies = {dof: body for body, link in moved for dof in robot.tree.joints[link.last].dofs}
+    weights = [rows_of.show_mass(masses.get(bodies.get(joint, ""))) for joint in robot.joints]
+    # A column without a value is one sentence.
+    weighed = any(cell.text != "–" for cell in weights)
+    titles = [sentence("values", name) for name in (*(["m"] if weighed else []), *names)]
+    columns = [Column(sentence("values", "joint")), *(Column(t, "badge") for t in titles)]
     rows = []
-    for joint in robot.joints:
+    for joint, weight in zip(robot.joints, weights, strict=True):
         cells = [rows_of.show(f"{joint}.{kind}") for kind in kinds]
-        if masses:
-            cells = [rows_of.show_mass(masses.get(bodies.get(joint, ""))), *cells]
-        rows.append((Cell(joint), *cells))
-    return Table.of(sentence("values", "caption"), columns, rows)
+        rows.append((Cell(joint), *([weight] if weighed else []), *cells))
+    caption = "caption" if weighed or not masses else "massless"
+    return Table.of(sentence("values", caption), columns, rows)
 
 
 class _ModelRows:
