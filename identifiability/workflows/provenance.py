@@ -54,4 +54,6 @@ def state_provenance(
 
 def given_paths(logs: Iterable[Log | Dataset]) -> tuple[str, ...]:
     """Return the paths of logs as they were given, and the names of logs in memory."""
-    return tuple(log.path or log.name for log in logs if not log.drives_alone)
+    # A part of a log in memory bears the name of the log, as a part of a file bears its path.
+    named = [log for log in logs if not log.drives_alone]
+    return tuple(log.path or log.name.partition(", part ")[0] for log in named)
