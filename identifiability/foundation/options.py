@@ -99,6 +99,9 @@ Rng = Annotated[
     "np.random.Generator", Expected("a random generator, such as numpy.random.default_rng(0)")
 ]
 
+#: Arguments of `Robot.load` that are often given to a verb.
+OF_LOADING = ("columns", "lock", "base", "time_unit", "angles", "torque_side")
+
 _WORDS = {
     int: "a whole number",
     float: "a number",
@@ -126,6 +129,12 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     @wraps(function)
     def bordered(*args: P.args, **kwargs: P.kwargs) -> R:
         given = {}
+        lost = [name for name in OF_LOADING if name in kwargs and name not in shape.parameters]
+        if lost:
+            raise TypeError(
+                f"{function.__name__} has no argument '{lost[0]}': the robot keeps how logs are "
+                f"read. Give Robot.load(…, {lost[0]}=…) as the robot."
+            )
         with suppress(TypeError):  # the call itself raises it, and names the function
             given = shape.bind(*args, **kwargs).arguments
         for name, value in given.items():
@@ -161,7 +170,19 @@ def check_option(name: str, value: Any, kind: Any) -> None:
     """
     if not allows(kind, value):
         near = near_match(value, choices(kind)) if isinstance(value, str) else "."
-        raise OptionError(f"{name} must be {expected(kind)}, not {_shown(value)}{near}")
+        shown = _member(value, kind) or f"{_shown(value)}{near}"
+        raise OptionError(f"{name} must be {expected(kind)}, not {shown}")
+
+
+def _member(value: Any, kind: Any) -> str:
+    """Return which members of a list an annotation refuses; empty if it refuses the list."""
+    if not isinstance(value, (list, tuple)):
+        return ""
+    for k, item in enumerate(value, 1):
+        others = [x for x in value if x is not item]
+        if not allows(kind, [item]) and (allows(kind, others) or len(value) == 1):
+            return f"a list whose member {k} is {with_article(type(item).__name__)}."
+    return ""
 
 
 def check_choice(name: str, value: Any, known: Sequence[str]) -> None:

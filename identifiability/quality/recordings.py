@@ -29,7 +29,10 @@ from .registry import RawLogs, mend
 LogLike = Log | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
     Sequence[LogLike] | LogLike,
-    Expected("a log (the path of a file, a DataFrame, arrays by name or a Log) or a list of logs"),
+    Expected(
+        "a log (the path of a file, a DataFrame, arrays by name or a Log), "
+        "a list of logs, or DataFrames by name"
+    ),
 ]
 #: Computes torque from commands, for logs without torque.
 MakeTorque = Callable[[list[Log]], list[Log]]
@@ -79,7 +82,9 @@ class Recordings:
 
 
 def list_logs(logs: Logs) -> list[LogLike]:
-    """Return logs as a list, one or several."""
+    """Return logs as a list, one or several; a table with a name is a mapping of one table."""
+    if isinstance(logs, Mapping) and all(isinstance(x, pd.DataFrame) for x in logs.values()):
+        return [{name: table} for name, table in logs.items()]
     one = isinstance(logs, (Log, str, Path, pd.DataFrame, Mapping))
     return [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
 
@@ -124,6 +129,9 @@ def _read_one(item: LogLike, name: str, known: Conventions) -> Log:
     if isinstance(item, Log):
         return item
     if isinstance(item, Mapping):
+        ((own, table), *more) = item.items() or [("", None)]
+        if isinstance(table, pd.DataFrame) and not more:
+            return Log.from_frame(table, own, known)
         item = frame_of(item, name)
     if isinstance(item, pd.DataFrame):
         return Log.from_frame(item, name, known)

@@ -384,7 +384,7 @@ class Fit(Keyed, Predicts):
     preparation: Preparation
     base_covariance: Array
     base_unknown: Array
-    origin: str = "result.json"
+    origin: str = "the result"
     missing: tuple[str, ...] = ()
     sides: tuple[Strings, Strings] = ((), ())
     worse: bool = False

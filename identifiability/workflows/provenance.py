@@ -13,6 +13,8 @@ from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import LadderSource
 from identifiability.robot import Robot
 
+from .roles import PART
+
 _PACKAGES = (*NUMERICS, "pandas")
 
 
@@ -54,4 +56,6 @@ def state_provenance(
 
 def given_paths(logs: Iterable[Log | Dataset]) -> tuple[str, ...]:
     """Return the paths of logs as they were given, and the names of logs in memory."""
-    return tuple(log.path or log.name for log in logs if not log.drives_alone)
+    # A part of a log in memory bears the name of the log, as a part of a file bears its path.
+    named = [log for log in logs if not log.drives_alone]
+    return tuple(log.path or log.name.partition(PART)[0] for log in named)

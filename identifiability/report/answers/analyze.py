@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from identifiability.effects.base import apply_tilt
 from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_file
 from identifiability.estimation.combinations import find_combinations
 from identifiability.estimation.prediction import loaded_joints
@@ -420,9 +421,14 @@ def _state_measurement(result: Laddered[Any]) -> str:
     names = {p.name for p in result.structure.parameters if p.group in COMPLETED}
     every = (v for v in result.chosen.verdicts if v.name in names)
     values = [f"{v.name} = {measured(v.value, v.sigma_label, v.unit)}" for v in every]
-    if values:
-        return f"{listing(values, NAMED)}."
-    return ""
+    numbers = dict(zip(result.chosen.submodel.columns, result.chosen.recommended, strict=True))
+    tilt = apply_tilt(result.robot, numbers)[0].tilt
+    if not values:
+        return ""
+    stated = f"{listing(values, NAMED)}."
+    if tilt is None or result.robot.tilt is not None:
+        return stated
+    return f"{sentence('laddered.statement', 'tilt', tilt=tilt.text)} {stated}"
 
 
 def _state_impossible(result: Laddered[Any]) -> Iterator[str]:

@@ -173,8 +173,10 @@ def ladder_option(robot: Robot, source: LadderSource | None) -> str:
 
     A ladder that equals the file next to the robot file is found without an option.
     """
-    if source is None or not source.origin.lower().endswith(".toml"):
+    if source is None or source.origin == "default":
         return ""
+    if not source.origin.lower().endswith(".toml"):
+        return " --ladder missing" if source.origin.endswith("result") else " --ladder ladder"
     beside = ladder_path(robot)
     if beside is not None and sha256(beside.read_bytes()).hexdigest() == source.sha256:
         return ""

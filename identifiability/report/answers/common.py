@@ -28,6 +28,7 @@ from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import BaseParameters
 
 from .commands import source_name
+from .python_lines import lines_in_memory
 
 #: Parameters, logs, places or needs that a sentence or a first screen names.
 NAMED = 3
@@ -164,16 +165,15 @@ class AnsweringPresenter(Presenter, ABC):
         if not commands:
             return asked
         again = f"identifiability {self.verb} "
-        lines = tuple(
-            (
-                sentence("next", "again", what=what.rstrip(":"))
-                if line.startswith(again)
-                else what,
-                line,
+        shown = lines_in_memory([line for _, line in commands], self.verb)
+        lines = []
+        for (what, line), new in zip(commands, shown, strict=True):
+            reruns = new == line and line.startswith(again)
+            lines.append(
+                (sentence("next", "again", what=what.rstrip(":")) if reruns else what, new)
             )
-            for what, line in commands
-        )
-        return (*asked, replace(answer("next", "run"), commands=lines))
+        where = "run" if shown[0] == commands[0][1] else "python"
+        return (*asked, replace(answer("next", where), commands=tuple(lines)))
 
 
 class PredictingPresenter(AnsweringPresenter):

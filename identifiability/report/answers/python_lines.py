@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from identifiability.foundation.answers import Answer
 from identifiability.foundation.wording import (
@@ -18,6 +20,12 @@ from identifiability.foundation.wording import (
 
 #: Options that name files, also where a name looks like a number.
 FILES = ("validate", "without", "start_from", "before", "after", "ladder", "limits", "model")
+
+#: Options that name logs, and the variable of each in Python.
+LOGS = {"validate": "unseen", "without": "unseen", "start_from": "logs", "after": ""}
+
+#: Verbs that take several logs as one argument.
+OF_LOGS = ("analyze", "prune", "diagnose", "calibrate", "inspect")
 
 #: Method that writes the file of `--out`, by the verb.
 OUT = {"diagnose": "write_model", "prune": "write_model", "excite": "write_motion"}
@@ -43,18 +51,100 @@ def python_lines(line: str) -> str:
     calls = [shlex.split(part) for part in line.split(" && ")]
     if any(words[:1] != ["identifiability"] for words in calls):
         return line
-    return "\n".join(_call(words[1], words[2:]) for words in calls)
+    return "\n".join(_call(words[1], *_split(words[2:])) for words in calls)
 
 
-def _call(verb: str, words: Sequence[str]) -> str:
+def lines_in_memory(lines: Sequence[str], verb: str) -> list[str]:
+    """Return lines as calls in Python that use variables, if one names a log that is no file.
+
+    Parameters
+    ----------
+    lines : sequence of str
+    verb : str
+        The verb of the result at hand. It is not run again: a variable holds the result.
+    """
+    every = [_read_calls(line) for line in lines]
+    if not any(_names_memory(*one) for calls in every for one in calls):
+        return [*lines]
+    shown = []
+    for calls in every:
+        again = len(calls) > 1 and calls[0][0] == verb
+        shown.append("\n".join(_call(*_with_variables(*one)) for one in calls[again:]))
+    return shown
+
+
+def _read_calls(line: str) -> list[tuple[str, list[str], dict[str, list[str]]]]:
+    """Return the verb, the arguments and the options of each command of a line."""
+    return [(words[1], *_split(words[2:])) for words in map(shlex.split, line.split(" && "))]
+
+
+def _names_memory(verb: str, given: Sequence[str], options: dict[str, list[str]]) -> bool:
+    """Return whether a command names a log or a ladder that is in memory."""
+    del verb
+    names = [*given[1:], *(name for key in (*LOGS, "ladder") for name in options.get(key, ()))]
+    return any(map(_in_memory, names))
+
+
+def _in_memory(name: str) -> bool:
+    """Return whether a name is that of an object in memory: no file, and without an ending."""
+    place = Path(name.partition(":")[0])
+    return name != "none" and not place.suffix and not place.exists()
+
+
+class _Variable(str):
+    """The name of a variable, which has no quotes."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def _with_variables(
+    verb: str, given: Sequence[str], options: dict[str, list[str]]
+) -> tuple[str, list[str], dict[str, list[str]]]:
+    """Return a command with variables in place of the robot, and of logs and results in memory."""
+    usual = {"predict": "unseen", "payload": "loaded"}.get(verb, "")
+    words = [_variable(word, usual) for word in given[1:]]
+    if verb in OF_LOGS and any(map(_in_memory, given[1:])):
+        words = [_Variable("logs")]
+    without = {"json"} | ({"out"} if verb in ("diagnose", "prune") else set())
+    kept = {key: values for key, values in options.items() if key not in {*OF_ROBOT, *without}}
+    for key, values in kept.items():
+        if key in (*LOGS, "ladder", "model"):
+            named = [_variable(value, LOGS.get(key, "")) for value in values]
+            kept[key] = list(dict.fromkeys(named))
+    return verb, [_Variable("robot"), *words], kept
+
+
+def _variable(name: str, usual: str) -> str:
+    """Return the variable that holds a log, a model or a result; the name itself if it is a file.
+
+    Parameters
+    ----------
+    name : str
+    usual : str
+        Variable of a log; empty for one by the name of the log.
+    """
+    place = Path(name)
+    if name == "the result":
+        return _Variable("result")
+    if _in_memory(name):
+        return _Variable(usual or re.sub(r"\W", "_", name))
+    if place.suffix not in (".json", ".toml") or place.exists():
+        return name
+    made = {"model": "missing", "diagnose": "missing", "pruned": "pruned", "prune": "pruned"}
+    return _Variable(made.get(place.stem, "result"))
+
+
+def _call(verb: str, given: Sequence[str], options: dict[str, list[str]]) -> str:
     """Return the call of a verb, and the calls that write its files."""
-    given, options = _split(words)
     robot = _robot(given[:1], options)
     keywords = _keywords(options, verb)
     if verb == "new":
         verb = "new_study"
         arguments = [repr(word) for word in given]
-    elif verb in ("analyze", "prune", "diagnose", "calibrate", "inspect"):
+    elif verb in OF_LOGS:
         arguments = [robot, _files(given[1:])]
     else:
         out = [options["out"][0]] if verb == "export" and "out" in options else []
@@ -129,6 +219,8 @@ def _writers(verb: str, result: str, options: dict[str, list[str]]) -> list[str]
         writers["out"] = OUT[verb]
     if verb in ("predict", "simulate"):
         writers["out"] = "write"
+    if verb == "excite" and options.get("out", [""])[0].endswith(".json"):
+        writers["out"] = "to_json"
     names = [name for name in writers if name in options]
     return [f"{result}.{writers[name]}({options[name][0]!r})" for name in names]
 

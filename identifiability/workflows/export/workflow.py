@@ -9,7 +9,7 @@ from dataclasses import replace
 from difflib import unified_diff
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 
@@ -35,10 +35,11 @@ from identifiability.foundation.errors import IdentifiabilityError, RobotError, 
 from identifiability.foundation.findings import of_key, phrase
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
-from identifiability.foundation.options import ExportFormat, FilePath, checked
-from identifiability.foundation.output import check_ending, temporary_folder, write_text
+from identifiability.foundation.options import Expected, ExportFormat, FilePath, checked
+from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_patch, for_python
+from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset, Preparation
@@ -307,7 +308,10 @@ class Exported:
 @checked
 def export(
     robot: RobotLike,
-    result: FilePath,
+    result: Annotated[
+        str | Path | Result,
+        Expected("a result of analyze, prune or diagnose, or the path of its JSON"),
+    ],
     out: FilePath,
     form: Format | None = None,
     *,
@@ -320,8 +324,8 @@ def export(
     ----------
     robot : Robot, path or shipped name
         The robot that the result is about.
-    result : path
-        JSON of `analyze`, `prune` or `diagnose`.
+    result : result, or path
+        Result of `analyze`, `prune` or `diagnose`, or its JSON.
     out : path
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.py`` for a configuration
         of actuators (isaaclab); ``.patch`` for the changes of the robot's file and sidecar, as a
@@ -342,6 +346,10 @@ def export(
         If the file is no result, one of another robot, or has no masses; if a robot file errs more
         than the one that it comes from.
     """
+    if isinstance(result, Result):
+        with temporary_folder() as folder:
+            path = write_json(Path(folder) / "result.json", result.to_dict())
+            return export(robot, path, out, form, validate=validate, force=force)
     own = Robot.of(robot)
     out = Path(out)
     wanted = _find_format(out, form)
