@@ -286,7 +286,7 @@ def check_script(path, fitted, held_out, monkeypatch):
     ("lost", "option", "word"),
     [
         ({"t": "time;touch hit"}, "--map", "time;touch hit=t"),
-        ({";id;#.q": "*[`id`]", ";id;#.tau": "b"}, "--map", "OLD=;id;#"),
+        ({";id;#.q": "*[`id`]", ";id;#.tau": "b"}, "--map", "OLD=;id;#.q"),
         ({";id;#.q": "*[`id`]", ";id;#.tau": "b"}, "--lock", ";id;#"),
         ({"-rf $(id).q": "*[`id`]", "-rf $(id).tau": "b"}, "--lock", "-rf $(id)"),
         ({";id;#.tau": ";id;#.tau [quux]"}, "--map", ";id;#.tau [quux]=;id;#.tau [Nm]"),

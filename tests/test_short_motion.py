@@ -31,8 +31,8 @@ def test_no_identifiable_parameter_beside_good_predictions_is_explained(analysis
     assert not any(v.verdict.value == "identifiable" for v in found.chosen.verdicts)
     assert found.chosen.error_ra_validation < 0.08
     count = len(found.chosen.submodel)
-    use = found.answers()[0].short
-    assert "Use the values together, and none by itself" in use
+    use = found.statement
+    assert "Use the values together, none by itself" in use
     assert f" of {count} parameters. Log longer and more varied motion." in use
     longer = analysis_of(150).statement
     assert "none by itself" not in longer

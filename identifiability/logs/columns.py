@@ -424,7 +424,7 @@ def _convert_torque(
         columns = _convert_motors(columns, both, known)
     given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in {*joints} - {*both}}
     free = {j: c for j, c in given.items() if torque.at("gain", j) is None}
-    loose = [j for j, c in free.items() if _SHARE.search(c.source)]
+    loose = [j for j, c in free.items() if _SHARE.search(c.source.replace(j, ""))]
     lacking = "columns.share"
     if not loose:
         loose = [j for j, c in free.items() if c.current]
