@@ -142,11 +142,11 @@ def test_the_notebook_of_the_documentation_runs_and_shows_what_it_says():
         ),
         (
             "payload a.urdf result.json 1e5 --without 7 --mass 2.5",
-            ["result = payload('a.urdf', 'result.json', '1e5', without='7', mass=2.5)"],
+            ["load = payload('a.urdf', 'result.json', '1e5', without='7', mass=2.5)"],
         ),
         (
             "export a.urdf result.json --out fitted.xml",
-            ["result = export('a.urdf', 'result.json', 'fitted.xml')"],
+            ["exported = export('a.urdf', 'result.json', 'fitted.xml')"],
         ),
     ],
 )

@@ -16,6 +16,9 @@ from .values import frozen
 # The names, units and sign constraints of parameters: one grammar, ``<owner>.<kind>``.
 
 
+#: Suffix of the name of a part of a log.
+PART = ", part "
+
 #: Arrays of numbers or flags; docstrings state which. NumPy's types of results are too loose for
 #: more.
 Array = NDArray[Any]

@@ -8,12 +8,11 @@ from hashlib import sha256
 
 from identifiability.foundation import __version__
 from identifiability.foundation.engines import NUMERICS, find_version
+from identifiability.foundation.names import PART
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import LadderSource
 from identifiability.robot import Robot
-
-from .roles import PART
 
 _PACKAGES = (*NUMERICS, "pandas")
 

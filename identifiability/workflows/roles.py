@@ -12,13 +12,12 @@ import numpy as np
 
 from identifiability.estimation.groups import LAST, divide
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import PART
 from identifiability.foundation.rounding import format_count, join
 from identifiability.logs import Log
 from identifiability.logs.rules import RULES
 from identifiability.quality.recordings import Recordings
 
-#: Suffix of the name of a part of a log.
-PART = ", part "
 #: Samples of a log that is divided: the part that verifies has a hundred or so.
 FEWEST = int(100 / LAST)
 

@@ -31,7 +31,14 @@ OF_LOGS = ("analyze", "prune", "diagnose", "calibrate", "inspect")
 OUT = {"diagnose": "write_model", "prune": "write_model", "excite": "write_motion"}
 
 #: Variable that a verb's result gets.
-VARIABLES = {"diagnose": "missing", "prune": "pruned", "excite": "motion"}
+VARIABLES = {
+    "diagnose": "missing",
+    "prune": "pruned",
+    "excite": "motion",
+    "predict": "predicted",
+    "payload": "load",
+    "export": "exported",
+}
 
 
 def in_python(answer: Answer) -> Answer:
