@@ -161,7 +161,7 @@ def test_a_candidate_that_asks_too_much_of_a_drive_pays_for_it(five_bar):
     x[0, :4] = [0.3, 0.5, -0.2, 0.4]
     plain = Objective(question, known, Series(inside, 2.0, 1), 30)
     weak = find_limits(five_bar, {five_bar.joints[0]: {"tau": 1e-3}})
-    drive = Drive.of(question.structure, weak, ())
+    drive = Drive.of(question, weak, ())
     loaded = Objective(question, known, Series(weak, 2.0, 1), 30, drive)
     G, space = loaded.look(x, 30)
     assert space.load[0] > 1

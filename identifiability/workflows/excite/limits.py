@@ -15,7 +15,6 @@ import numpy as np
 from pydantic import RootModel, ValidationError
 
 from identifiability.effects import default_effects
-from identifiability.estimation.estimate import estimate
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.findings import Finding, phrase
@@ -24,9 +23,8 @@ from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import USUAL_EFFECTS
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, sense_joints
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import invert, loop_jacobian, passes_singular
@@ -34,6 +32,8 @@ from identifiability.robot.rules import RULES as ROBOT_RULES
 from identifiability.robot.sidecar import LimitEntry
 from identifiability.simulation.motion import usual_limits
 from identifiability.simulation.mujoco_robot import MujocoRobot, compile_shapes
+
+from .criteria import Question
 
 # `Limits`: how far, how fast and how hard the joints may move.
 #
@@ -279,7 +279,7 @@ class Drive:
     robot : Robot
     model : Model
     columns : (b,) int
-        Base parameters of the model.
+        Of the model.
     values : (b,)
         Those that fit the logs. Without logs they are nominal. Values that the robot file does not
         state are zero.
@@ -295,19 +295,25 @@ class Drive:
     power: Array
 
     @staticmethod
-    def of(structure: Structure, limits: Limits, samples: Sequence[Dataset]) -> Drive | None:
-        """Return the drives of a robot; None where no drive has a limit."""
+    def of(question: Question, limits: Limits, values: Array) -> Drive | None:
+        """Return the drives of a robot; None where no drive has a limit.
+
+        Parameters
+        ----------
+        question : Question
+        limits : Limits
+        values : (k,)
+            Of the question's columns, that fit the logs if limits come from logs.
+        """
         drives = limits.torque, limits.power
         if not np.isfinite(drives).any():
             return None
+        robot = question.structure.robot
         if limits.logged:
-            kept = structure.base.kept
-            along = Regression(structure.robot, structure.model, tuple(samples), kept)
-            values = estimate(gather_information(along)).value
-            return Drive(structure.robot, structure.model, kept, values, *drives)
+            return Drive(robot, question.model, question.columns, values, *drives)
         # Stated limits are those of motors, wherever torque was measured.
-        model = Model.of(*default_effects(structure.robot, USUAL_EFFECTS))
-        nominal = Structure.of(sense_joints(structure.robot), model)
+        model = Model.of(*default_effects(robot, USUAL_EFFECTS))
+        nominal = Structure.of(sense_joints(robot), model)
         every = np.arange(len(nominal.nominal))
         return Drive(nominal.robot, model, every, nominal.nominal, *drives)
 

@@ -142,7 +142,6 @@ def find_next(
             Run(progress or quiet, seed=seed),
             FINAL,
             evaluations,
-            d.samples,
             "next",
         )
         new = bench.along(d, motion.trajectory)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Annotated
@@ -29,7 +29,6 @@ from identifiability.foundation.options import (
 )
 from identifiability.foundation.runs import Progress, Run, quiet
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.dataset import Dataset
 from identifiability.quality.recordings import Logs
 from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model, free_again
 from identifiability.regression.structure import Structure
@@ -122,7 +121,7 @@ def excite(
         measured = data.samples if data else ()
         bounds = limit_by_logs(find_limits(question.structure.robot, limits), measured)
         series = Series(bounds, duration or DEFAULTS.period, harmonics)
-        found = find_motion(question, known, series, run, samples, evaluations, measured)
+        found = find_motion(question, known, series, run, samples, evaluations)
     return _complete(found, case, data, model, evaluations)
 
 
@@ -177,7 +176,6 @@ def find_motion(
     run: Run,
     samples: int,
     evaluations: int,
-    measured: Sequence[Dataset] = (),
     name: str = "excite",
 ) -> Excitation:
     """Find the motion that answers a question best, given earlier information.
@@ -192,8 +190,6 @@ def find_motion(
     run : Run
     samples, evaluations : int
         As for `excite`.
-    measured : sequence of Dataset
-        Earlier logs, which limit torque where nothing else does.
     name : str
         Of the motion.
 
@@ -202,7 +198,7 @@ def find_motion(
     IdentifiabilityError
         If no candidate keeps the workspace.
     """
-    drive = Drive.of(question.structure, series.limits, measured)
+    drive = Drive.of(question, series.limits, known.values)
     objective = Objective(question, known, series, min(samples, series.looks), drive)
     aim = question.criterion
 
