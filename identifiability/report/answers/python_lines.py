@@ -75,7 +75,11 @@ def lines_in_memory(lines: Sequence[str], verb: str) -> list[str]:
         return [*lines]
     shown = []
     for calls in every:
-        again = len(calls) > 1 and calls[0][0] == verb
+        own, _, options = calls[0]
+        again = len(calls) > 1 and own == verb
+        if own == verb == "diagnose" and "next" in options:
+            shown.append("\n".join(_next_motion(options)))
+            continue
         shown.append("\n".join(_call(*_with_variables(*one)) for one in calls[again:]))
     return shown
 
@@ -160,7 +164,20 @@ def _call(verb: str, given: Sequence[str], options: dict[str, list[str]]) -> str
         arguments = [f"analyze({', '.join(filter(None, arguments))})"]
     result = VARIABLES.get(verb, "result")
     call = f"{result} = {verb}({', '.join(filter(None, [*arguments, *keywords]))})"
-    return "\n".join([call, *_writers(verb, result, options)])
+    return "\n".join([call, *_writers(verb, result, options), *_next_motion(options)])
+
+
+def _next_motion(options: dict[str, list[str]]) -> list[str]:
+    """Return the calls that find the motion of `--next` of a diagnosis."""
+    return [
+        line
+        for path in options.get("next", ())
+        for line in (
+            "from identifiability.workflows.excite import find_next",
+            "motion = find_next(missing)",
+            f"motion.to_json({path!r})",
+        )
+    ]
 
 
 def _split(words: Sequence[str]) -> tuple[list[str], dict[str, list[str]]]:

@@ -191,9 +191,10 @@ class Excitation(Result):
 
     @property
     def gain(self) -> Array:
-        """Standard deviations relative to those of `before`, (k,)."""
-        ratio: Array = self.after.sigma / self.before.sigma
-        return ratio
+        """Standard deviations relative to those of `before`, (k,); NaN where these are zero."""
+        before = self.before.sigma
+        unknown = np.full(len(before), np.nan)
+        return np.divide(self.after.sigma, before, out=unknown, where=before > 0)
 
     @presented
     def parameters_frame(self) -> pd.DataFrame:
