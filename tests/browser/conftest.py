@@ -121,7 +121,8 @@ def _hostile(folder):
 
 def _record(robot, rng):
     motion = PrescribedMotion.of(random_trajectory(robot, rng), 500)
-    return simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
+    # As a file, whose lines are of the terminal.
+    return simulate(robot, motion, noise=PAPER_NOISE, rng=rng).rows(0, 500, "run.csv")
 
 
 @pytest.fixture(scope="session")

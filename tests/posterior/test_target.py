@@ -70,7 +70,7 @@ def test_what_the_data_do_not_see_keeps_its_prior(posteriors, rng):
 
 def test_a_prior_around_a_rod_is_narrow_across_it():
     rod = np.array([1, 0, 0, 1, 0, 0, 0, 0, 0, 1.0])
-    sd = Prior.around(rod, np.arange(10)[None], 1.0, rod).sd
+    sd = Prior.around(rod, [range(10)], 1.0, rod).sd
     assert sd[6] < 0.1 * sd[8]
 
 

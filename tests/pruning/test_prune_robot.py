@@ -96,7 +96,7 @@ def test_json_and_report_hold_the_ladder(pruned, tmp_path):
     assert len(content["models"]) == len(pruned.models)
     assert len(content["full_parameters"]) == 37
     page = pruned.write_report(tmp_path / "p.html").read_text()
-    for words in ("Use 12 of 37 parameters;", "What survives", "Masses"):
+    for words in ("Use 12 of 37 parameters;", "What survives", "rotors"):
         assert words in page
     assert "<table" in pruned._repr_html_()
     assert pruned.to_frame()["name"].tolist() == list(pruned.chosen.columns)
