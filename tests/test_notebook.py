@@ -145,8 +145,8 @@ def test_the_notebook_of_the_documentation_runs_and_shows_what_it_says():
             ["load = payload('a.urdf', 'result.json', '1e5', without='7', mass=2.5)"],
         ),
         (
-            "export a.urdf result.json --out fitted.xml",
-            ["exported = export('a.urdf', 'result.json', 'fitted.xml')"],
+            "export a.urdf result.json --out 'a && b.xml'",
+            ["exported = export('a.urdf', 'result.json', 'a && b.xml')"],
         ),
     ],
 )

@@ -6,6 +6,7 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 from identifiability.foundation.answers import Answer
@@ -55,7 +56,7 @@ def python_lines(line: str) -> str:
     line : str
         ``identifiability VERB …``, several joined by ``&&``. Other lines are returned as they are.
     """
-    calls = [shlex.split(part) for part in line.split(" && ")]
+    calls = _split_commands(line)
     if any(words[:1] != ["identifiability"] for words in calls):
         return line
     return "\n".join(_call(words[1], *_split(words[2:])) for words in calls)
@@ -71,7 +72,8 @@ def lines_in_memory(lines: Sequence[str], verb: str) -> list[str]:
         The verb of the result at hand. It is not run again: a variable holds the result.
     """
     every = [_read_calls(line) for line in lines]
-    if not any(_names_memory(*one) for calls in every for one in calls):
+    commands = [one for calls in every for one in calls]
+    if not any(_names_memory(given, options) for _, given, options in commands):
         return [*lines]
     shown = []
     for calls in every:
@@ -86,12 +88,19 @@ def lines_in_memory(lines: Sequence[str], verb: str) -> list[str]:
 
 def _read_calls(line: str) -> list[tuple[str, list[str], dict[str, list[str]]]]:
     """Return the verb, the arguments and the options of each command of a line."""
-    return [(words[1], *_split(words[2:])) for words in map(shlex.split, line.split(" && "))]
+    return [(words[1], *_split(words[2:])) for words in _split_commands(line)]
 
 
-def _names_memory(verb: str, given: Sequence[str], options: dict[str, list[str]]) -> bool:
+def _split_commands(line: str) -> list[list[str]]:
+    """Return the words of each command of a line; names in quotes may hold ``&&``."""
+    words = shlex.split(line)
+    joined = [k for k, pair in enumerate(pairwise(words)) if pair == ("&&", "identifiability")]
+    ends = [-1, *joined, len(words)]
+    return [words[before + 1 : end] for before, end in pairwise(ends)]
+
+
+def _names_memory(given: Sequence[str], options: dict[str, list[str]]) -> bool:
     """Return whether a command names a log or a ladder that is in memory."""
-    del verb
     names = [*given[1:], *(name for key in (*LOGS, "ladder") for name in options.get(key, ()))]
     return any(map(_in_memory, names))
 
@@ -99,7 +108,15 @@ def _names_memory(verb: str, given: Sequence[str], options: dict[str, list[str]]
 def _in_memory(name: str) -> bool:
     """Return whether a name is that of an object in memory: no file, and without an ending."""
     place = Path(name.partition(":")[0])
-    return name != "none" and not place.suffix and not place.exists()
+    return name != "none" and not place.suffix and not _is_there(place)
+
+
+def _is_there(place: Path) -> bool:
+    """Return whether a path exists; a name that is too long for a file does not."""
+    try:
+        return place.exists()
+    except OSError:
+        return False
 
 
 class _Variable(str):
@@ -141,8 +158,8 @@ def _variable(name: str, usual: str) -> str:
     if name == "the result":
         return _Variable("result")
     if _in_memory(name):
-        return _Variable(usual or re.sub(r"\W", "_", name))
-    if place.suffix not in (".json", ".toml") or place.exists():
+        return _Variable(usual or re.sub(r"\W|^(?=\d)", "_", name))
+    if place.suffix not in (".json", ".toml") or _is_there(place):
         return name
     made = {"model": "missing", "diagnose": "missing", "pruned": "pruned", "prune": "pruned"}
     return _Variable(made.get(place.stem, "result"))
