@@ -36,6 +36,8 @@ class Cell:
         Length of a bar, 0 to 1.
     link : str
         Page that the text leads to.
+    more : str
+        What the small print unfolds.
     """
 
     text: str
@@ -44,6 +46,7 @@ class Cell:
     badge: str = ""
     share: float = 0.0
     link: str = ""
+    more: str = ""
 
 
 #: Format of a column: its kind, or the function that writes its numbers.
@@ -70,7 +73,8 @@ class Column:
     quiet : bool
         Whether that holds for the small print of its cells, which then shows on hover.
     line : bool
-        Whether the small print is cut to one line, and shows in full on hover and with details.
+        Whether the small print is cut to its first term, and shows in full on hover and with
+        details.
     """
 
     title: str

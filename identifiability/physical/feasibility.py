@@ -415,7 +415,7 @@ class Certificate:
         bounds = " within the bounds" if self.level else ""
         text = listing([f"{self.combination[i]:+.3g}·[{names[i]}]" for i in terms], 4)
         return (
-            f"No real robot has these base parameters: the sum of {text} is at least "
+            f"No real robot has exactly these base parameters. The sum of {text} is at least "
             f"{self.level:.3g} for any real bodies{bounds}, and {self.value:.3g} was found."
         )
 

@@ -46,6 +46,7 @@ from .blocks import (
     picture,
     section,
     torque_traces,
+    words_of,
 )
 from .skeleton import move_with_torque
 from .values_table import joint_values
@@ -123,7 +124,8 @@ def section_parameters(analysis: Analysis) -> Section:
     """Return the parameters of the selected model, the identifiable ones first."""
     chosen = analysis.chosen
     figure = picture("precision", plot.precision(analysis), model=chosen.name)
-    tables = fold_verdicts(parameter_table(chosen), chosen.verdicts)
+    table = parameter_table(chosen)
+    tables = fold_verdicts(table, chosen.verdicts)
     described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
     known = Fold("How well each of them is known", (figure,))
     from_file = Fold("Which numbers of the robot file may I believe?", (file_table(analysis),))
@@ -136,6 +138,7 @@ def section_parameters(analysis: Analysis) -> Section:
         title=model_title(chosen),
         size=len(chosen.submodel),
         described=described,
+        counts=_count_verdicts(table),
     )
 
 
@@ -148,7 +151,21 @@ def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fo
     known = [v for v in identifiable if v.name.rpartition(".")[2] in INERTIAL_KINDS]
     first = {v.name for v in sorted(known, key=lambda v: -v.share)[:SHOWN_FIRST]}
     shown = [v.name in first for v in verdicts]
-    return fold_rows(table, shown, "identifiable parameters of bodies with most torque")
+    parts = fold_rows(table, shown, "identifiable parameters of bodies with most torque")
+    return tuple(
+        part.without("used") if isinstance(part, Table) and not _departs(part) else part
+        for part in parts
+    )
+
+
+def _count_verdicts(table: Table) -> str:
+    return ", ".join(f"{count} {word}" for word, count in words_of(table))
+
+
+def _departs(table: Table) -> bool:
+    """Return whether a value in use differs from its estimate, which its small print says."""
+    used = [k for k, column in enumerate(table.columns) if column.get == "used"]
+    return any(row[k].note for row in table.rows for k in used)
 
 
 def _name_key(analysis: Analysis) -> Fold:
@@ -214,8 +231,9 @@ def section_prediction(analysis: Analysis) -> Section:
     return section(
         "analysis.prediction",
         traces,
-        *error_tables(analysis),
+        Fold(sentence("analysis.errors"), error_tables(analysis)),
         log=name,
+        filtered="" if np.array_equal(out.tau, out.raw) else ", low-passed as it was fitted",
         model=model_title(analysis.chosen),
         kind="a log that" if analysis.validation else "stretches of a log that",
         windows=_tell_windows(analysis),
@@ -414,12 +432,12 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         effects=", ".join(ladder.effects),
         **settings,
     )
-    every = f"All {format_count(len(ladder.models), 'model')} of the path"
-    path = Fold(every, (ladder.tables()[0],))
+    near = [abs(k - ladder.selected) <= 1 or k == 0 for k in range(len(ladder.models))]
+    path = fold_rows(ladder.tables()[0], near, "models around the one to use, and the unpruned")
     return [
         section_values(ladder),
+        section("pruning.ladder", *path, why=sentence("pruning.why")),
         section_survivors(ladder),
-        section("pruning.ladder", path, why=sentence("pruning.why")),
         None if ladder.nothing else section_correlated(ladder.fit),
         section("pruning.method", Prose(tuple(text.values())), detail=True),
     ]
@@ -432,6 +450,7 @@ def section_survivors(ladder: Ladder) -> Section:
     return section(
         "pruning.survivors",
         *tables,
-        *ladder.tables()[1:],
+        Fold(sentence("analysis.errors"), ladder.tables()[1:]),
         size=len(ladder.chosen),
+        counts=_count_verdicts(table),
     )

@@ -24,7 +24,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 
 from .answers.common import WORDS, sentence, words
-from .figures import break_gaps, peak_rows, svg
+from .figures import break_gaps, name_torque, peak_rows, svg
 
 
 @frozen
@@ -112,10 +112,13 @@ class Traces:
     groups : tuple of Trace
         One is shown at a time, chosen by its name.
     caption : str
+    shown : int
+        The group that is shown first.
     """
 
     groups: tuple[Trace, ...]
     caption: str = ""
+    shown: int = 0
 
 
 @frozen
@@ -332,16 +335,18 @@ class Trace:
         """The lines as JSON with five digits."""
         rows = (self.t, *self.lines.values())
         short = [[None if math.isnan(x) else float(f"{x:.5g}") for x in row] for row in rows]
-        axes = {"x": "time [s]", "axis": f"{self.quantity} [{self.unit}]"}
+        quantity = self.quantity.replace("torque", name_torque(self.unit))
+        axes = {"x": "time [s]", "axis": f"{quantity} [{self.unit}]"}
         return json.dumps({**axes, "names": [*self.lines], "rows": short})
 
 
 @frozen
 class Answers:
-    """The questions of a page, with a drawing of the robot or of its values."""
+    """The questions of a page and its notes, with a drawing of the robot or of its values."""
 
     answers: tuple[Answer, ...]
     below: tuple[Block, ...] = ()
+    notes: tuple[Block, ...] = ()
 
 
 @frozen
@@ -404,16 +409,20 @@ def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | 
         tuple(row for row, is_first in zip(table.rows, first, strict=True) if is_first is kind)
         for kind in (True, False)
     )
+    marked = table.marked
+    if marked is not None:
+        marked = sum(first[:marked]) if first[marked] else None
     counts = ", ".join(f"{n} {word}" for word, n in words_of(replace(table, rows=hidden)))
     rest = f"The other {len(hidden)}" if count else f"All {len(hidden)}"
-    said = f"{rest}{f': {counts}' if counts else ''}"
+    said = f"{rest}{f': {counts}' if counts else ' rows'}"
     more = replace(
         table,
         caption="",
         rows=hidden,
         marked=None,
     )
-    best = (replace(table, caption=f"The {count} {those}", rows=shown),) if count else ()
+    caption = f"The {count} {those}"
+    best = (replace(table, caption=caption, rows=shown, marked=marked),) if count else ()
     return (*best, Fold(said, (more,)))
 
 
@@ -441,6 +450,8 @@ class Section:
     blocks : tuple
     detail : bool
         Whether it is shown only to who asks for statistics in detail.
+    folded : bool
+        Whether only its title and the first sentence of its lead are shown until it is opened.
     """
 
     name: str
@@ -448,6 +459,7 @@ class Section:
     lead: str = ""
     blocks: tuple[Block, ...] = ()
     detail: bool = False
+    folded: bool = False
 
 
 GLOSSARY = tuple(Term(**term) for term in WORDS["glossary"])
@@ -494,8 +506,9 @@ def traces(
     lines: Mapping[str, Array],
     quantity: str = "torque",
     caption: str = "",
+    shown: int = 0,
 ) -> Traces:
-    """Return curves of joints over time, to zoom.
+    """Return curves of joints over time, to zoom, with the one that is shown first.
 
     Lines (N, n) by their names, NaN where none is.
     """
@@ -514,7 +527,7 @@ def traces(
                 quantity,
             )
         )
-    return Traces(tuple(groups), caption)
+    return Traces(tuple(groups), caption, shown)
 
 
 def motion_traces(
@@ -552,13 +565,25 @@ def torque_traces(
     joints: Sequence[str],
     units: Sequence[str],
     log: str,
+    half: Array | None = None,
 ) -> Traces:
-    """Return measured torque, predicted torque and the residual (N, n) along a log, to zoom."""
-    lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
+    """Return measured torque, predicted torque and the residual (N, n) along a log, to zoom.
+
+    The joint with the largest relative residual is shown first. With half widths of 95 % intervals
+    (N, n) the prediction has a band.
+    """
+    residual = measured - predicted
+    lines = {"measured": measured, "predicted": predicted, "residual": residual}
+    if half is not None:
+        known = np.where(np.isfinite(half), half, np.nan)
+        lines |= {"95 % from": predicted - known, "95 % to": predicted + known}
     caption = sentence("analysis.traces", log=log)
-    if np.isnan(lines["residual"]).any():
+    if np.isnan(residual).any():
         caption += sentence("moving", "gaps")
-    return traces(t, joints, units, lines, caption=caption)
+    scale = np.ma.masked_invalid(measured).std(0)
+    share = np.ma.masked_invalid(residual).std(0) / scale
+    worst = int(share.filled(0.0).argmax())
+    return traces(t, joints, units, lines, caption=caption, shown=worst)
 
 
 def count_joints(robot: Robot) -> str:

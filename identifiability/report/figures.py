@@ -441,7 +441,7 @@ def draw_torque(
         linewidth=1.3,
         label="predicted",
     )
-    label_axes(above, "", f"torque [{unit}]" if "m" in unit else f"force [{unit}]", title)
+    label_axes(above, "", f"{name_torque(unit)} [{unit}]", title)
     legend_above(above)
     below.axhline(
         0,
@@ -465,6 +465,11 @@ def draw_torque(
     return figure
 
 
+def name_torque(unit: str) -> str:
+    """Return "torque", or "force" where the unit is that of a force."""
+    return "torque" if "m" in unit else "force"
+
+
 @drawn
 def draw_curve(
     x: Array, learned: Array, spread: Array, data: Array, title: str, labels: tuple[str, str]
@@ -484,6 +489,7 @@ def draw_curve(
     points = np.stack([x, data], 1)[rows]
     # Strokes without length are a tenth of the size of markers.
     strokes(axes, points, points, MUTED, linewidth=3.0, capstyle="round", alpha=0.6)
+    axes.plot([], [], ".", color=MUTED, label="residual")
     order = np.argsort(x)
     along = learned[order]
     low = along - REACH * spread[order]
@@ -658,11 +664,16 @@ def draw_ladder(sizes: Array, fitted: Array, unseen: Array, spread: Array, selec
     named = "± one standard error"
     axes.fill_between(sizes, low, high, color=BLUE, alpha=0.16, linewidth=0, label=named)
     chosen = float(sizes[selected])
-    axes.axvline(
-        chosen,
+    axes.axvline(chosen, color=BLUE, **DASHED)
+    axes.annotate(
+        f"use these {chosen:.0f}",
+        (chosen, 1.0),
+        (5.0, -3.0),
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
         color=BLUE,
-        label=f"use these {chosen:.0f}",
-        **DASHED,
+        fontweight="bold",
+        va="top",
     )
     shown = np.concatenate([unseen, fitted])
     if (shown[np.isfinite(shown)] > 0).any():  # from the best model to none, all of it

@@ -9,13 +9,13 @@ the functions: a page needs only its verb.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identifiability.effects import title_of
+from identifiability.effects import find_family, title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
@@ -26,6 +26,7 @@ from identifiability.foundation.rounding import (
     format_count,
     format_number,
     join,
+    measured,
     rough_percent,
 )
 from identifiability.robot import complete_motion
@@ -33,7 +34,7 @@ from identifiability.robot.kinematics import Point
 
 from .answers.common import NAMED, hint_note, sentence, words
 from .answers.diagnose import list_names
-from .answers.tables import make_table
+from .answers.tables import TABLES, make_table, unit_cell
 from .blocks import (
     SHOWN_FIRST,
     Block,
@@ -55,7 +56,7 @@ from .blocks import (
     torque_traces,
     traces,
 )
-from .figures import POINTS, draw_curve, draw_forward, draw_intervals, draw_response
+from .figures import POINTS, draw_curve, draw_forward, draw_intervals, draw_response, name_torque
 from .skeleton import STRETCH, move_skeletons, move_with_torque
 
 if TYPE_CHECKING:
@@ -63,7 +64,13 @@ if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
     from identifiability.workflows.compare import Comparison
     from identifiability.workflows.diagnose.forward import ForwardGap
-    from identifiability.workflows.diagnose.result import Curve, Diagnosis, Odds
+    from identifiability.workflows.diagnose.result import (
+        Curve,
+        Diagnosis,
+        NamedEffect,
+        Odds,
+        Placement,
+    )
     from identifiability.workflows.excite.result import Excitation
     from identifiability.workflows.inspect import Inspection, Record
     from identifiability.workflows.payload import Load
@@ -213,12 +220,7 @@ def section_effects(d: Diagnosis) -> Section:
 
     The first curve is on the first screen.
     """
-    rows = []
-    for e in d.effects:
-        for p in e.placements:
-            shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
-            first = (Cell(" or ".join(list_names(e)), note=shape), p.place)
-            rows += [(*first, *row, p.odds, p.rms) for row in p.rows]
+    rows = [row for e in d.effects for p in e.placements for row in _effect_rows(d, e, p)]
     others = _curves(d, SHOWN)[1:]
     found = [make_table("effects", rows), *([gallery("curves", others)] if others else [])]
     refuted = None
@@ -228,10 +230,27 @@ def section_effects(d: Diagnosis) -> Section:
     if d.possible:
         table = make_table("possible", map(_odds_row, d.possible))
         possible = Fold(sentence("diagnosis.possible"), (table,))
-    upper = d.tables()[:-1]
+    # The headline says what the table of one effect would.
+    one = rows and len(d.effects) == 1
+    upper = [x for x in d.tables()[:-1] if not (one and x.caption == TABLES["named"]["caption"])]
     blocks = (*upper, *(found if rows else ()), refuted, possible)
     nothing = sentence("diagnosis.nothing") if not any(blocks) else None
     return section("diagnosis.effects", *blocks, nothing)
+
+
+def _effect_rows(d: Diagnosis, e: NamedEffect, p: Placement) -> Iterator[tuple[Any, ...]]:
+    """Yield the parameters of an effect at a place as rows of a table."""
+    units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
+    positions = dict(zip(d.robot.joints, d.robot.position_units, strict=True))
+    coordinate = getattr(find_family(e.name).effect, "shape_of", "")
+    note = ""
+    if coordinate and np.isfinite(p.shape) and p.place in positions:
+        per = "/s" if coordinate == "velocity" else ""
+        note = f"shape {format_number(p.shape, 3)} {positions[p.place]}{per}"
+    name = Cell(" or ".join(list_names(e)), note=note)
+    added = unit_cell(p.rms, units.get(p.place, "N·m or N"))
+    for parameter, value, error, unit in p.rows:
+        yield name, parameter, measured(value, error, unit), p.odds, p.unseen, added
 
 
 def _curves(d: Diagnosis, most: int) -> list[Picture]:
@@ -258,7 +277,8 @@ def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
     units = {"velocity": f"{position}/s", "position": position, "load": d.robot.torque_units[c.of]}
     over = "time of the session" if c.against == "session" else c.against
     labels = f"{over}{other} [{units.get(c.against, 's')}]"
-    return labels, f"torque [{d.robot.torque_units[c.joint]}]"
+    unit = d.robot.torque_units[c.joint]
+    return labels, f"{name_torque(unit)} [{unit}]"
 
 
 def _section_gap(d: Diagnosis) -> Section:
@@ -268,7 +288,8 @@ def _section_gap(d: Diagnosis) -> Section:
     lines = {"before": residual[..., 0], "after": residual[..., -1]}
     caption = sentence("diagnosis.traces", seconds=f"{STRETCH:g}")
     along = (t[: len(part)], d.robot.joints, d.robot.torque_units, lines)
-    shown = traces(*along, "residual", caption)
+    joint = d.curves[0].joint if d.curves else 0
+    shown = traces(*along, "residual", caption, joint)
     zoom = Fold("The residual of every joint over time, to zoom", (shown,))
     return section("diagnosis.gap", d.tables()[-1], zoom)
 
@@ -308,8 +329,14 @@ def _section_bending(found: Bending) -> Section:
 
 def _section_where(d: Diagnosis) -> Section:
     causes = max((x.explained for x in d.discrepancies), key=len)  # none where torque is no data
+    units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
     rows = [
-        (x.joint, x.rms, x.share, *(x.explained.get(k, np.nan) for k in causes))
+        (
+            x.joint,
+            unit_cell(x.rms, units[x.joint]),
+            x.share,
+            *(x.explained.get(k, np.nan) for k in causes),
+        )
         for x in d.discrepancies
     ]
     explained = [Column(cause, rough_percent) for cause in causes]
@@ -621,7 +648,8 @@ def prediction_sections(result: TorquePrediction) -> list[Section]:
         rows = result.log == log
         robot = result.robot
         along = (result.t[rows], result.tau[rows], result.predicted[rows])
-        blocks.append(torque_traces(*along, robot.joints, robot.torque_units, name))
+        joints = (robot.joints, robot.torque_units)
+        blocks.append(torque_traces(*along, *joints, name, result.low[rows]))
     return [
         section("prediction.joints", result.tables()[0]),
         section("prediction.torque", *blocks),

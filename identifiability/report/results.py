@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -160,9 +161,21 @@ def page_environment() -> Environment:
         undefined=StrictUndefined,
     )
     environment.filters["symbols"] = set_symbols
-    known = (kind_of, mark_of, words_of, sort_key)
+    known = (first_term, kind_of, mark_of, words_of, sort_key)
     environment.globals |= {function.__name__: function for function in known}
     return environment
+
+
+def first_term(text: str) -> str:
+    """Return the first term of a sum, and how many terms follow; a sum of two stays whole.
+
+    Examples
+    --------
+    >>> first_term("Izz(a) + Izz(b) − 0.2·m(b)")
+    'Izz(a) and 2 more'
+    """
+    first, *others = re.split(" [+−] ", text)
+    return text if len(others) < 2 else f"{first} and {len(others)} more"
 
 
 def _powered(found: re.Match[str]) -> str:
@@ -226,11 +239,16 @@ def build_page(result: Result) -> Page:
     # The values that a reader came for are on the first screen.
     values = [part for part in sections[:1] if set(map(kind_of, part.blocks)) <= {"table", "fold"}]
     statement = "" if shown.answers else result.statement
-    remarks = [Notes(notes)] if notes else []
+    remarks = (Notes(notes),) if notes else ()
+    if shown.answers:  # the notes stand below them, at the drawing's left
+        shown = replace(shown, notes=remarks)
+        remarks = ()
     others = [*sections[len(values) :]]
     told = tuple(Term(a.question, a.more) for a in shown.answers if a.more)
     if told:
-        others.append(section("answers.more", Terms(told)))
+        questions = " ".join(term.word for term in told)
+        others.append(section("answers.more", Terms(told), questions=questions))
+    evidence, *further = others or [None]
     return Page(
         title=title,
         kind=result.schema,
@@ -242,13 +260,15 @@ def build_page(result: Result) -> Page:
             *remarks,
             *values,
         ),
-        sections=tuple(others),
+        sections=(*filter(None, (evidence,)), *(replace(part, folded=True) for part in further)),
     )
 
 
 def _table_section(name: str, table: Table) -> Section:
-    """Return a section that bears the caption of its table."""
-    return Section(name, table.caption, blocks=(replace(table, caption=""),))
+    """Return a section under the caption of its table; of a ledger it counts the actions."""
+    said = Counter(row[-1].text for row in table.rows) if name == "ledger" else {}
+    lead = ", ".join(f"{count} × {word}" for word, count in said.items())
+    return Section(name, table.caption, lead, (replace(table, caption=""),))
 
 
 def draw_figures(result: Any) -> dict[str, Figure]:

@@ -65,13 +65,12 @@ class _ModelRows:
             return Cell("–", np.nan, self._explain_absence(name))
         verdict, used, why = self.known[name]
         sigma = verdict.sigma_label
-        notes = [verdict.word]
-        if why:
-            notes.append(sentence("values", "used", value=stated_text(used, sigma), why=why))
         part = "file" if verdict.nominal else "unstated"
-        notes.append(sentence("values", part, value=stated_text(verdict.nominal, sigma)))
+        file = sentence("values", part, value=stated_text(verdict.nominal, sigma))
+        note = f"{verdict.word}; {file}"
+        more = sentence("values", "used", value=stated_text(used, sigma), why=why) if why else ""
         value = measured(verdict.value, sigma, verdict.unit)
-        return Cell(value, verdict.value, "; ".join(notes), verdict.look)
+        return Cell(value, verdict.value, note, verdict.look, more=more)
 
     def show_mass(self, row: dict[str, Any] | None) -> Cell:
         """Return the mass of a body; only that of the file where others are added to it."""

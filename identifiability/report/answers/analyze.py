@@ -57,7 +57,7 @@ from .common import (
     torque_noise,
 )
 from .profiles import answer_profiles
-from .tables import make_table
+from .tables import add_units, make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.analyze.result import Analysis, Laddered, ModelResult
@@ -558,13 +558,13 @@ def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
     errors = result.error_frame()
     samples = (*result.samples, *result.validation)
     joints = errors[errors["of"] == "joint"].iloc[loaded_joints(result.held_out.rms)]
-    each = make_table("joints", joints.itertuples())
+    each = make_table("joints", add_units(joints, "rms_validation"))
+    if np.allclose(joints["error_raw_validation"], joints["error_validation"]):  # not low-passed
+        each = each.without("of raw torque, unseen")
     if len(samples) == 1:
         return (each,)
     of_logs = errors[errors["of"] == "log"]
-    names = [s.name for s in samples]
-    samples_each = [s.outputs for s in samples]
-    logs = of_logs.assign(name=names, samples=samples_each)
+    logs = of_logs.assign(name=[s.name for s in samples])
     return each, make_table("logs", logs.itertuples())
 
 

@@ -40,7 +40,7 @@ from .common import (
     torque_noise,
 )
 from .compare import table_changes
-from .tables import make_table
+from .tables import add_units, make_table
 
 if TYPE_CHECKING:
     from identifiability.bending import Bending
@@ -147,7 +147,8 @@ class DiagnosisPresenter(PredictingPresenter):
             tables.append(make_table("named", map(_effect_cells, result.effects)))
         if result.bending is not None and result.bending.joints:
             tables.append(make_table("bending", _list_bending(result)))
-        return (*tables, make_table("gap", result.error_frame().itertuples()))
+        joints = add_units(result.error_frame(), "rms_before", "rms_after")
+        return (*tables, make_table("gap", joints))
 
     def cautions(self) -> tuple[Note, ...]:
         """Return the caveats of the named effects, and the refuted effects."""

@@ -28,7 +28,7 @@ from .common import (
     hint_note,
     sentence,
 )
-from .tables import make_table
+from .tables import add_units, make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction
@@ -85,7 +85,7 @@ class TorquePredictionPresenter(PredictingPresenter):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
-        return (make_table("predicted", self.result.error_frame().itertuples()),)
+        return (make_table("predicted", add_units(self.result.error_frame(), "rms")),)
 
     def to_frame(self, *, details: bool = False) -> pd.DataFrame:
         """Return one row a sample and joint; with `details`, one row a sample as files have it."""

@@ -7,8 +7,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from identifiability.foundation.answers import Cell, Column, Look, Table
 from identifiability.foundation.rounding import (
+    NONE,
     digits,
     error_text,
     format_number,
@@ -63,6 +67,17 @@ def make_table(
     caption = known.get("caption", "").format(**holes)
     options = {key: known[key] for key in ("filter_by", "long", "always") if key in known}
     return Table.of(caption, [*columns, *more], rows, marked=marked, **options)
+
+
+def unit_cell(x: float, unit: str) -> Cell:
+    """Return a number with its unit as one cell."""
+    return Cell(f"{format_number(x, 3, pad=True)} {unit}" if np.isfinite(x) else NONE, x)
+
+
+def add_units(frame: pd.DataFrame, *columns: str) -> list[dict[Any, Any]]:
+    """Return the rows of a frame, with the unit of each row in the cells of some columns."""
+    rows = frame.to_dict("records")
+    return [row | {name: unit_cell(row[name], row["unit"]) for name in columns} for row in rows]
 
 
 def span_cell(low: float, high: float) -> Cell:

@@ -27,6 +27,7 @@ function filterTable(group) {
   const rows = [...group.closest(".table").querySelectorAll("tbody tr")];
   const words = [...group.querySelectorAll("[aria-pressed=true]")].map((chip) => chip.dataset.word);
   for (const row of rows) row.hidden = words.length > 0 && !words.includes(row.dataset.word);
+  group.closest(".table").classList.add("all");
   const shown = rows.filter((row) => !row.hidden).length;
   group.querySelector(".shown").textContent = words.length ? `${shown} of ${rows.length} shown` : "";
 }
@@ -62,6 +63,10 @@ function fitTable(box) {
   table.classList.toggle("cards", wide && phone.matches);
   box.classList.toggle("wide", wide && !phone.matches);
 }
+// Of many cards the first ones are shown.
+for (const button of document.querySelectorAll(".all-cards")) {
+  button.addEventListener("click", () => button.closest(".table").classList.add("all"));
+}
 for (const box of document.querySelectorAll(".table-box")) {
   let width = 0;  // none while it is folded
   new ResizeObserver(() => {
@@ -70,9 +75,6 @@ for (const box of document.querySelectorAll(".table-box")) {
     fitTable(box);
   }).observe(box);
 }
-
-// What is cut to one line is read on hover.
-for (const line of document.querySelectorAll("small.line")) line.title = line.textContent;
 
 // Statistics in detail are hidden until they are asked for; a link into them asks.
 const statistics = document.getElementById("statistics");
@@ -84,7 +86,11 @@ function showDetail(on) {
 if (statistics) statistics.addEventListener("change", () => showDetail(statistics.checked));
 function openTarget() {
   const target = location.hash && document.getElementById(location.hash.slice(1));
-  if (target && target.closest(".detail")) { showDetail(true); target.scrollIntoView(); }
+  if (!target) return;
+  if (target.closest(".detail")) showDetail(true);
+  for (const part of target.querySelectorAll(":scope > .part")) part.open = true;
+  unfold(target);
+  target.scrollIntoView();
 }
 window.addEventListener("hashchange", openTarget);
 openTarget();

@@ -12,7 +12,8 @@ function drawTraces(figure) {
     const strokes = [colour("--muted"), colour("--blue"), colour("--purple"), colour("--sky"), colour("--green")];
     const paint = (name, k) => (name === "residual" ? colour("--vermilion") : strokes[k]);
     const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
-    const limit = (name) => name.endsWith(" allowed");
+    const limit = (name) => name.endsWith(" allowed") || name.startsWith("95 %");
+    const edges = data.names.flatMap((name, k) => (limit(name) ? [k + 1] : []));
     const digits = (u, x) => (x == null ? "\u2014" : Number(x.toPrecision(4)).toString());
     plot = new uPlot({
       width: box.clientWidth - 20, height: Math.max(240, Math.min(420, box.clientWidth * 0.36)),
@@ -21,12 +22,12 @@ function drawTraces(figure) {
       legend: { live: true },
       axes: [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
-        label: name, stroke: limit(name) ? colour("--blue") : paint(name, k), width: k ? 1.4 : 2.6,
-        value: digits, dash: limit(name) ? [6, 4] : [],
+        label: name, stroke: limit(name) ? colour("--blue") : paint(name, k), width: name.startsWith("95 %") ? 0.4 : k ? 1.4 : 2.6,
+        value: digits, dash: name.endsWith(" allowed") ? [6, 4] : [],
         points: { show: false },
       }))],
-      bands: data.names.includes("least allowed") && data.names.includes("largest allowed")
-        ? [{ series: [3, 2], fill: `color-mix(in srgb, ${colour("--blue")} 9%, transparent)` }] : [],
+      bands: edges.length === 2
+        ? [{ series: edges.reverse(), fill: `color-mix(in srgb, ${colour("--blue")} 14%, transparent)` }] : [],
       hooks: {
         drawClear: [(u) => {  // where the first line breaks
           const [x, y] = data.rows;
