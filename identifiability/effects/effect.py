@@ -295,8 +295,6 @@ class Shaped(AlongAxes):
     """
 
     shape_size: ClassVar[int] = 1
-    #: What its shape is a value of, "position" or "velocity", if it is of one.
-    shape_of: ClassVar[str] = ""
 
     #: The shape where none is stated: at an axis that turns, and at one that slides.
     usual: ClassVar[tuple[float, float]]

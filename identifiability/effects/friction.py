@@ -168,7 +168,6 @@ class StribeckFriction(Shaped):
 
     name = "stribeck_friction"
     equation = "τ = (Fs − Fc) exp(−|q̇/vs|) sign(q̇)"
-    shape_of = "velocity"
     source = "[Olsson 1998, Eq. 4]; [Díaz 2010, Eq. 20] prints it without minus sign"
     of_drive = True
     units = (("Fs", "N·m", "N"),)

@@ -301,7 +301,6 @@ class FunctionOfVelocity(Shaped):
 
     name = "function_of_velocity"
     equation = "τ = f(q̇), f = Σ cₖ (Bₖ(u) ∓ Bₖ(−u)) + c sign q̇, u = √|q̇/v| sign q̇"
-    shape_of = "velocity"
     source = SOURCE
     supersedes = CONTAINED
     units = (("fo", "N·m", "N"), ("fe", "N·m", "N"))

@@ -190,7 +190,6 @@ class PositionTorque(Shaped):
 
     name = "position_torque"
     equation = "τ = Σ cₖ Bₖ(q)"
-    shape_of = "position"
     source = "[de Boor 1978; Eilers & Marx 1996]"
     units = (("B", "N·m", "N"),)
 

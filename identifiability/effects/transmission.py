@@ -85,7 +85,6 @@ class Hysteresis(Shaped):
 
     name = "hysteresis"
     equation = "τ = Σ Hₖ zₖ(q), zₖ ← clip(zₖ + Δq/rₖ, ±1)"
-    shape_of = "position"
     source = "[Iwan 1966; Al-Bender 2005]"
     of_drive = True
     units = tuple((f"H{k + 1}", "N·m", "N") for k in range(len(ELEMENTS)))
@@ -165,7 +164,6 @@ class Backlash(Shaped):
 
     name = "backlash"
     equation = "τ = −Bl τ_load min(1, 10 (1 − |z(q)|)), z ← clip(z + Δq/w, ±1)"
-    shape_of = "position"
     source = "[Nordin & Gutman 2002]"
     units = (("Bl", "1", "1"),)
     usual = (0.005, 0.0005)
@@ -204,7 +202,6 @@ class PositionRipple(Shaped):
 
     name = "position_ripple"
     equation = "τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)"
-    shape_of = "position"
     source = "[Tuttle & Seering 1996; Bittencourt 2012, Sec. 3]"
     units = (("Rs", "N·m", "N"), ("Rc", "N·m", "N"))
 

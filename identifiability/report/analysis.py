@@ -41,12 +41,12 @@ from .blocks import (
     Term,
     Terms,
     count_joints,
+    count_words,
     fold_rows,
     gallery,
     picture,
     section,
     torque_traces,
-    words_of,
 )
 from .skeleton import move_with_torque
 from .values_table import joint_values
@@ -138,7 +138,7 @@ def section_parameters(analysis: Analysis) -> Section:
         title=model_title(chosen),
         size=len(chosen.submodel),
         described=described,
-        counts=_count_verdicts(table),
+        counts=count_words(table),
     )
 
 
@@ -151,21 +151,7 @@ def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fo
     known = [v for v in identifiable if v.name.rpartition(".")[2] in INERTIAL_KINDS]
     first = {v.name for v in sorted(known, key=lambda v: -v.share)[:SHOWN_FIRST]}
     shown = [v.name in first for v in verdicts]
-    parts = fold_rows(table, shown, "identifiable parameters of bodies with most torque")
-    return tuple(
-        part.without("used") if isinstance(part, Table) and not _departs(part) else part
-        for part in parts
-    )
-
-
-def _count_verdicts(table: Table) -> str:
-    return ", ".join(f"{count} {word}" for word, count in words_of(table))
-
-
-def _departs(table: Table) -> bool:
-    """Return whether a value in use differs from its estimate, which its small print says."""
-    used = [k for k, column in enumerate(table.columns) if column.get == "used"]
-    return any(row[k].note for row in table.rows for k in used)
+    return fold_rows(table, shown, "identifiable parameters of bodies with most torque")
 
 
 def _name_key(analysis: Analysis) -> Fold:
@@ -323,7 +309,6 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
     rows = [(k, v) for k, v in analysis.provenance.items() if not k.startswith("sha256")]
     rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
     rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in logs]
-    glossary = Fold("Glossary", (Terms(GLOSSARY),))
     prepared = make_table("prepared", [_log_row(use, s) for use, s in logs])
     provenance = section("analysis.provenance", make_table("provenance", rows), detail=True)
     return (
@@ -336,7 +321,7 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
             out=len(analysis.held_out.log),
             kind=analysis.validation_kind,
         ),
-        section("analysis.thresholds", glossary, detail=True),
+        section("analysis.thresholds", Terms(GLOSSARY), detail=True),
         provenance,
     )
 
@@ -432,11 +417,9 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         effects=", ".join(ladder.effects),
         **settings,
     )
-    near = [abs(k - ladder.selected) <= 1 or k == 0 for k in range(len(ladder.models))]
-    path = fold_rows(ladder.tables()[0], near, "models around the one to use, and the unpruned")
     return [
         section_values(ladder),
-        section("pruning.ladder", *path, why=sentence("pruning.why")),
+        section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why")),
         section_survivors(ladder),
         None if ladder.nothing else section_correlated(ladder.fit),
         section("pruning.method", Prose(tuple(text.values())), detail=True),
@@ -452,5 +435,5 @@ def section_survivors(ladder: Ladder) -> Section:
         *tables,
         Fold(sentence("analysis.errors"), ladder.tables()[1:]),
         size=len(ladder.chosen),
-        counts=_count_verdicts(table),
+        counts=count_words(table),
     )

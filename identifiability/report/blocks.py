@@ -351,14 +351,10 @@ class Answers:
 
 @frozen
 class Fold:
-    """Blocks that open on demand; in print they are open.
-
-    With `detail` they appear only if the reader asked for statistics in detail.
-    """
+    """Blocks that open on demand; in print they are open."""
 
     summary: str
     blocks: tuple[Block, ...]
-    detail: bool = False
 
 
 def check_cell(text: str, passed: bool | None, reason: str = "") -> Cell:
@@ -374,6 +370,11 @@ def words_of(table: Table) -> list[tuple[str, int]]:
     """Return the words to filter a table by, in order of appearance, with their counts."""
     words = [row[table.filter_by].badge for row in table.rows if table.filter_by is not None]
     return [(word, words.count(word)) for word in dict.fromkeys(words)]
+
+
+def count_words(table: Table) -> str:
+    """Return the words to filter a table by with their counts."""
+    return ", ".join(f"{count} {word}" for word, count in words_of(table))
 
 
 def sort_key(cell: Cell) -> str | None:
@@ -409,20 +410,15 @@ def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | 
         tuple(row for row, is_first in zip(table.rows, first, strict=True) if is_first is kind)
         for kind in (True, False)
     )
-    marked = table.marked
-    if marked is not None:
-        marked = sum(first[:marked]) if first[marked] else None
-    counts = ", ".join(f"{n} {word}" for word, n in words_of(replace(table, rows=hidden)))
+    counts = count_words(replace(table, rows=hidden))
     rest = f"The other {len(hidden)}" if count else f"All {len(hidden)}"
-    said = f"{rest}{f': {counts}' if counts else ' rows'}"
+    said = f"{rest}{f': {counts}' if counts else ''}"
     more = replace(
         table,
         caption="",
         rows=hidden,
-        marked=None,
     )
-    caption = f"The {count} {those}"
-    best = (replace(table, caption=caption, rows=shown, marked=marked),) if count else ()
+    best = (replace(table, caption=f"The {count} {those}", rows=shown),) if count else ()
     return (*best, Fold(said, (more,)))
 
 
@@ -580,9 +576,8 @@ def torque_traces(
     caption = sentence("analysis.traces", log=log)
     if np.isnan(residual).any():
         caption += sentence("moving", "gaps")
-    scale = np.ma.masked_invalid(measured).std(0)
-    share = np.ma.masked_invalid(residual).std(0) / scale
-    worst = int(share.filled(0.0).argmax())
+    missed, whole = (np.ma.masked_invalid(y).std(0) for y in (residual, measured))
+    worst = int((missed / whole).filled(0.0).argmax())
     return traces(t, joints, units, lines, caption=caption, shown=worst)
 
 

@@ -665,16 +665,8 @@ def draw_ladder(sizes: Array, fitted: Array, unseen: Array, spread: Array, selec
     axes.fill_between(sizes, low, high, color=BLUE, alpha=0.16, linewidth=0, label=named)
     chosen = float(sizes[selected])
     axes.axvline(chosen, color=BLUE, **DASHED)
-    axes.annotate(
-        f"use these {chosen:.0f}",
-        (chosen, 1.0),
-        (5.0, -3.0),
-        xycoords=("data", "axes fraction"),
-        textcoords="offset points",
-        color=BLUE,
-        fontweight="bold",
-        va="top",
-    )
+    above = axes.get_xaxis_transform()
+    axes.text(chosen - 1, 0.98, f"use these {chosen:.0f}", transform=above, color=BLUE, va="top")
     shown = np.concatenate([unseen, fitted])
     if (shown[np.isfinite(shown)] > 0).any():  # from the best model to none, all of it
         axes.set_yscale("log")

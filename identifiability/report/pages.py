@@ -9,14 +9,14 @@ the functions: a page needs only its verb.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identifiability.effects import find_family, title_of
-from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.effects import title_of
+from identifiability.foundation.answers import Column, Note, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import for_svg
@@ -26,15 +26,13 @@ from identifiability.foundation.rounding import (
     format_count,
     format_number,
     join,
-    measured,
     rough_percent,
 )
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 
 from .answers.common import NAMED, hint_note, sentence, words
-from .answers.diagnose import list_names
-from .answers.tables import TABLES, make_table, unit_cell
+from .answers.tables import make_table, unit_cell
 from .blocks import (
     SHOWN_FIRST,
     Block,
@@ -64,13 +62,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
     from identifiability.workflows.compare import Comparison
     from identifiability.workflows.diagnose.forward import ForwardGap
-    from identifiability.workflows.diagnose.result import (
-        Curve,
-        Diagnosis,
-        NamedEffect,
-        Odds,
-        Placement,
-    )
+    from identifiability.workflows.diagnose.result import Curve, Diagnosis, Odds
     from identifiability.workflows.excite.result import Excitation
     from identifiability.workflows.inspect import Inspection, Record
     from identifiability.workflows.payload import Load
@@ -220,9 +212,8 @@ def section_effects(d: Diagnosis) -> Section:
 
     The first curve is on the first screen.
     """
-    rows = [row for e in d.effects for p in e.placements for row in _effect_rows(d, e, p)]
     others = _curves(d, SHOWN)[1:]
-    found = [make_table("effects", rows), *([gallery("curves", others)] if others else [])]
+    curves = gallery("curves", others) if others else None
     refuted = None
     if d.refuted:
         refuted = make_table("refuted", map(_odds_row, d.refuted), verified=d.verified_on)
@@ -230,27 +221,9 @@ def section_effects(d: Diagnosis) -> Section:
     if d.possible:
         table = make_table("possible", map(_odds_row, d.possible))
         possible = Fold(sentence("diagnosis.possible"), (table,))
-    # The headline says what the table of one effect would.
-    one = rows and len(d.effects) == 1
-    upper = [x for x in d.tables()[:-1] if not (one and x.caption == TABLES["named"]["caption"])]
-    blocks = (*upper, *(found if rows else ()), refuted, possible)
+    blocks = (*d.tables()[:-1], curves, refuted, possible)
     nothing = sentence("diagnosis.nothing") if not any(blocks) else None
     return section("diagnosis.effects", *blocks, nothing)
-
-
-def _effect_rows(d: Diagnosis, e: NamedEffect, p: Placement) -> Iterator[tuple[Any, ...]]:
-    """Yield the parameters of an effect at a place as rows of a table."""
-    units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
-    positions = dict(zip(d.robot.joints, d.robot.position_units, strict=True))
-    coordinate = getattr(find_family(e.name).effect, "shape_of", "")
-    note = ""
-    if coordinate and np.isfinite(p.shape) and p.place in positions:
-        per = "/s" if coordinate == "velocity" else ""
-        note = f"shape {format_number(p.shape, 3)} {positions[p.place]}{per}"
-    name = Cell(" or ".join(list_names(e)), note=note)
-    added = unit_cell(p.rms, units.get(p.place, "N·m or N"))
-    for parameter, value, error, unit in p.rows:
-        yield name, parameter, measured(value, error, unit), p.odds, p.unseen, added
 
 
 def _curves(d: Diagnosis, most: int) -> list[Picture]:
@@ -479,16 +452,12 @@ def inspection_sections(result: Inspection) -> list[Section]:
     clock, motion = result.tables()
     moved = _fold_others(names, [(_motion_of(name, motion),) for name in names])
     traced = _fold_others(names, [_recorded(result, r) for r in result.records])
-    parts_of = (Fold(part.title, (Prose((part.lead,)), *part.blocks)) for part in own)
     preparations = map(_preparation, result.records)
     return [
         section("inspection.motion", *moved),
         section("inspection.traces", *traced),
         section("inspection.clock", clock, *preparations),
-        section(
-            "inspection.robot",
-            *parts_of,
-        ),
+        *own,
     ]
 
 
@@ -544,11 +513,10 @@ def _robot(result: Inspection) -> list[Section]:
     base = result.base
     groups = zip(base.names, base.units, base.labels, strict=True)
     joint_section = section("inspection.joints", phrase("needs", "naming"), joints)
-    grouped = (make_table("grouped", groups),)
     effects = ", ".join(result.effects)
     parameters = section(
         "inspection.parameters",
-        Fold(f"All {base.rank} base parameters", grouped),
+        make_table("grouped", groups),
         count=base.rank,
         standard=len(base.parameters),
         effects=effects,
@@ -621,8 +589,7 @@ def payload_sections(result: Load) -> list[Section | None]:
 
 def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    count = format_count(len(result.t), "sample")
-    return "Predicted torque", f"{result.robot.path.name} · {result.fit.submodel.name} · {count}"
+    return "Predicted torque", f"{result.robot.path.name} · {result.fit.submodel.name}"
 
 
 def prediction_moving(result: TorquePrediction) -> Moving | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -161,21 +160,9 @@ def page_environment() -> Environment:
         undefined=StrictUndefined,
     )
     environment.filters["symbols"] = set_symbols
-    known = (first_term, kind_of, mark_of, words_of, sort_key)
+    known = (kind_of, mark_of, words_of, sort_key)
     environment.globals |= {function.__name__: function for function in known}
     return environment
-
-
-def first_term(text: str) -> str:
-    """Return the first term of a sum, and how many terms follow; a sum of two stays whole.
-
-    Examples
-    --------
-    >>> first_term("Izz(a) + Izz(b) − 0.2·m(b)")
-    'Izz(a) and 2 more'
-    """
-    first, *others = re.split(" [+−] ", text)
-    return text if len(others) < 2 else f"{first} and {len(others)} more"
 
 
 def _powered(found: re.Match[str]) -> str:
@@ -239,16 +226,12 @@ def build_page(result: Result) -> Page:
     # The values that a reader came for are on the first screen.
     values = [part for part in sections[:1] if set(map(kind_of, part.blocks)) <= {"table", "fold"}]
     statement = "" if shown.answers else result.statement
-    remarks = (Notes(notes),) if notes else ()
-    if shown.answers:  # the notes stand below them, at the drawing's left
-        shown = replace(shown, notes=remarks)
-        remarks = ()
+    if notes:  # below the answers, at the drawing's left
+        shown = replace(shown, notes=(Notes(notes),))
     others = [*sections[len(values) :]]
     told = tuple(Term(a.question, a.more) for a in shown.answers if a.more)
     if told:
-        questions = " ".join(term.word for term in told)
-        others.append(section("answers.more", Terms(told), questions=questions))
-    evidence, *further = others or [None]
+        others.append(section("answers.more", Terms(told)))
     return Page(
         title=title,
         kind=result.schema,
@@ -257,18 +240,15 @@ def build_page(result: Result) -> Page:
         statement=statement,
         summary=(
             shown,
-            *remarks,
             *values,
         ),
-        sections=(*filter(None, (evidence,)), *(replace(part, folded=True) for part in further)),
+        sections=tuple(replace(part, folded=k > 0) for k, part in enumerate(others)),
     )
 
 
 def _table_section(name: str, table: Table) -> Section:
-    """Return a section under the caption of its table; of a ledger it counts the actions."""
-    said = Counter(row[-1].text for row in table.rows) if name == "ledger" else {}
-    lead = ", ".join(f"{count} × {word}" for word, count in said.items())
-    return Section(name, table.caption, lead, (replace(table, caption=""),))
+    """Return a section that bears the caption of its table."""
+    return Section(name, table.caption, blocks=(replace(table, caption=""),))
 
 
 def draw_figures(result: Any) -> dict[str, Figure]:

@@ -577,13 +577,8 @@ def parameter_table(result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
     shares = (v.share for v in result.verdicts if np.isfinite(v.share))
     most = max(shares, default=0.0) or 1.0
-    values = result.recommended.tolist()
-    departures = result.departures
-    each = zip(result.verdicts, values, departures, strict=True)
-    table = make_table("parameters", [_parameter_row(*one, most) for one in each])
-    hidden = not any(departures)
-    columns = tuple(replace(c, detail=hidden) if c.get == "used" else c for c in table.columns)
-    return replace(table, columns=columns)
+    each = zip(result.verdicts, result.recommended.tolist(), result.departures, strict=True)
+    return make_table("parameters", [_parameter_row(*one, most) for one in each])
 
 
 def _parameter_row(v: Verdict, used: float, why: str, most: float) -> dict[str, Any]:
@@ -602,7 +597,10 @@ def _parameter_row(v: Verdict, used: float, why: str, most: float) -> dict[str, 
     value, sigma = measured_cells(v.value, v.sigma_label)
     limit = Thresholds().sigma_percent  # a full bar is the limit of the verdicts, or more
     name = Cell(v.name, note=label_note(v.label))
-    usage = Cell(stated_text(used, v.sigma_label), used, why)
+    usage = Cell(stated_text(used, v.sigma_label), used)
+    if why:
+        more = sentence("values", "used", value=usage.text, why=why)
+        value = replace(value, note=sentence("values", "differs"), more=more)
     share_bar = bar(100 * v.share, 100 * most)
     verdict = Cell(v.word, v.word, v.reason, v.look)
     return {

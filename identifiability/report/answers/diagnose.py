@@ -40,7 +40,7 @@ from .common import (
     torque_noise,
 )
 from .compare import table_changes
-from .tables import add_units, make_table
+from .tables import add_units, make_table, unit_cell
 
 if TYPE_CHECKING:
     from identifiability.bending import Bending
@@ -144,7 +144,7 @@ class DiagnosisPresenter(PredictingPresenter):
         if result.changes:
             tables.append(table_changes(result.changes, sentence("diagnosis.tables", "changed")))
         if result.effects:
-            tables.append(make_table("named", map(_effect_cells, result.effects)))
+            tables.append(make_table("effects", _list_effects(result)))
         if result.bending is not None and result.bending.joints:
             tables.append(make_table("bending", _list_bending(result)))
         joints = add_units(result.error_frame(), "rms_before", "rms_after")
@@ -254,11 +254,8 @@ def _list_bending(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
         unseen = [np.nan if rms is None else float(rms[at]) for rms in held]
         yield (
             x.joint,
-            x.stiffness,
-            x.stiffness_sd,
-            f"{units[x.joint]}/{way}",
-            x.resonance,
-            x.resonance_sd,
+            measured(x.stiffness, x.stiffness_sd, f"{units[x.joint]}/{way}"),
+            measured(x.resonance, x.resonance_sd, "Hz"),
             x.damping_ratio,
             x.gain,
             float(bending.error_before[at]),
@@ -463,10 +460,15 @@ def advise_motion(e: NamedEffect) -> str:
 # What to do next.
 
 
-def _effect_cells(e: NamedEffect) -> tuple[Any, ...]:
-    """Return an effect, its places, log odds and errors as one row of a table."""
-    names = " or ".join(dict.fromkeys([e.name, *e.alternatives][:LIKELIEST]))
-    return names, ", ".join(e.joints), e.odds, e.unseen, e.before, e.after
+def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
+    """Yield the parameters of the named effects as rows of a table."""
+    units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
+    for e in d.effects:
+        name = " or ".join(list_names(e))
+        for p in e.placements:
+            added = unit_cell(p.rms, units.get(p.place, "N·m or N"))
+            for parameter, value, error, unit in p.rows:
+                yield name, parameter, measured(value, error, unit), p.odds, p.unseen, added
 
 
 class ForwardGapPresenter(Presenter):

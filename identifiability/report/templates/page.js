@@ -63,9 +63,11 @@ function fitTable(box) {
   table.classList.toggle("cards", wide && phone.matches);
   box.classList.toggle("wide", wide && !phone.matches);
 }
-// Of many cards the first ones are shown.
-for (const button of document.querySelectorAll(".all-cards")) {
-  button.addEventListener("click", () => button.closest(".table").classList.add("all"));
+// Of many cards the first ones are shown; of many rows those around the marked one, and the first.
+for (const button of document.querySelectorAll(".all-rows")) {
+  const table = button.closest(".table");
+  table.classList.toggle("around", table.querySelector(".marked") && table.querySelectorAll("tbody tr").length > 12);
+  button.addEventListener("click", () => table.classList.add("all"));
 }
 for (const box of document.querySelectorAll(".table-box")) {
   let width = 0;  // none while it is folded

@@ -16,7 +16,7 @@ function drawTraces(figure) {
     const edges = data.names.flatMap((name, k) => (limit(name) ? [k + 1] : []));
     const digits = (u, x) => (x == null ? "\u2014" : Number(x.toPrecision(4)).toString());
     plot = new uPlot({
-      width: box.clientWidth - 20, height: Math.max(240, Math.min(420, box.clientWidth * 0.36)),
+      width: box.clientWidth - 20, height: Math.max(200, Math.min(420, box.clientWidth * 0.36)),
       scales: { x: { time: false } },
       cursor: { drag: { x: true, y: false } },
       legend: { live: true },
