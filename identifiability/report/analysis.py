@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from identifiability.effects import title_of
 from identifiability.estimation.prediction import Prediction, loaded_joints
-from identifiability.estimation.verdict import Class, Verdict
+from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Cell, Note, Table
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rounding import REACH, format_count, format_number
@@ -26,12 +27,11 @@ from .answers.common import note, sentence, words
 from .answers.tables import make_table
 
 if TYPE_CHECKING:
-    from identifiability.workflows.analyze.result import Laddered
+    from identifiability.workflows.analyze.result import Laddered, ModelResult
     from identifiability.workflows.prune.result import Ladder
 
 from .blocks import (
     GLOSSARY,
-    SHOWN_FIRST,
     Fold,
     Moving,
     Notes,
@@ -42,10 +42,10 @@ from .blocks import (
     Terms,
     count_joints,
     count_words,
-    fold_rows,
     gallery,
     picture,
     section,
+    torque_lines,
     torque_traces,
 )
 from .skeleton import move_with_torque
@@ -78,9 +78,8 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
     """Return the robot along unseen motion, with measured and predicted torque."""
     sample = (analysis.validation or analysis.samples)[0]
     out = analysis.held_out
-    measured, predicted = drawn_torque(out)
-    lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
-    about = analysis.robot, sample.motion, out.t[0], measured
+    lines = torque_lines(*drawn_torque(out))
+    about = analysis.robot, sample.motion, out.t[0], lines["measured"]
     return move_with_torque(*about, lines, sample.name, lines["residual"])
 
 
@@ -98,7 +97,7 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
         section_physics(analysis),
         profiles,
         posterior,
-        *_how(analysis),
+        _how(analysis),
     ]
 
 
@@ -124,34 +123,35 @@ def section_parameters(analysis: Analysis) -> Section:
     """Return the parameters of the selected model, the identifiable ones first."""
     chosen = analysis.chosen
     figure = picture("precision", plot.precision(analysis), model=chosen.name)
-    table = parameter_table(chosen)
-    tables = fold_verdicts(table, chosen.verdicts)
-    described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
+    table = order_verdicts(chosen)
     known = Fold("How well each of them is known", (figure,))
     from_file = Fold("Which numbers of the robot file may I believe?", (file_table(analysis),))
     return section(
         "analysis.parameters",
-        *tables,
+        table,
         known,
         from_file,
         _name_key(analysis),
         title=model_title(chosen),
         size=len(chosen.submodel),
-        described=described,
         counts=count_words(table),
     )
 
 
-def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fold, ...]:
-    """Return a table of the identifiable parameters of bodies that decide most, then the others.
+def order_verdicts(result: ModelResult) -> Table:
+    """Return the parameters of a model: the identifiable ones of bodies that decide most first.
 
     Friction and rotors are among the values of joints above.
     """
-    identifiable = [v for v in verdicts if v.verdict is Class.IDENTIFIABLE]
-    known = [v for v in identifiable if v.name.rpartition(".")[2] in INERTIAL_KINDS]
-    first = {v.name for v in sorted(known, key=lambda v: -v.share)[:SHOWN_FIRST]}
-    shown = [v.name in first for v in verdicts]
-    return fold_rows(table, shown, "identifiable parameters of bodies with most torque")
+    table = parameter_table(result)
+
+    def rank(at: int) -> float:
+        v = result.verdicts[at]
+        known = v.verdict is Class.IDENTIFIABLE and v.name.rpartition(".")[2] in INERTIAL_KINDS
+        return -v.share if known else 0.0
+
+    order = sorted(range(len(table.rows)), key=rank)
+    return replace(table, rows=tuple(table.rows[k] for k in order))
 
 
 def _name_key(analysis: Analysis) -> Fold:
@@ -301,7 +301,7 @@ def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
 # How it was done: motion, thresholds, words, versions.
 
 
-def _how(analysis: Analysis) -> tuple[Section, ...]:
+def _how(analysis: Analysis) -> Section:
     """Return the preparation of logs, a glossary, versions, the seed and hashes of the inputs."""
     robot = analysis.robot
     logs = [("fitted", s) for s in analysis.samples]
@@ -309,20 +309,15 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
     rows = [(k, v) for k, v in analysis.provenance.items() if not k.startswith("sha256")]
     rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
     rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in logs]
-    prepared = make_table("prepared", [_log_row(use, s) for use, s in logs])
-    provenance = section("analysis.provenance", make_table("provenance", rows), detail=True)
-    return (
-        section(
-            "analysis.motion",
-            prepared,
-            detail=True,
-            seen=analysis.information.samples,
-            estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
-            out=len(analysis.held_out.log),
-            kind=analysis.validation_kind,
-        ),
-        section("analysis.thresholds", Terms(GLOSSARY), detail=True),
-        provenance,
+    return section(
+        "analysis.motion",
+        make_table("prepared", [_log_row(use, s) for use, s in logs]),
+        Fold(sentence("analysis.thresholds"), (Terms(GLOSSARY),)),
+        Fold(sentence("analysis.provenance"), (make_table("provenance", rows),)),
+        seen=analysis.information.samples,
+        estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
+        out=len(analysis.held_out.log),
+        kind=analysis.validation_kind,
     )
 
 
@@ -345,7 +340,6 @@ def section_posterior(analysis: Analysis) -> Section:
         "analysis.posterior",
         remarks,
         posterior_table(analysis),
-        detail=True,
         title=model_title(analysis.chosen),
     )
 
@@ -422,17 +416,16 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why")),
         section_survivors(ladder),
         None if ladder.nothing else section_correlated(ladder.fit),
-        section("pruning.method", Prose(tuple(text.values())), detail=True),
+        section("pruning.method", Prose(tuple(text.values()))),
     ]
 
 
 def section_survivors(ladder: Ladder) -> Section:
     """Return the parameters of the model to use."""
-    table = parameter_table(ladder.chosen)
-    tables = fold_verdicts(table, ladder.chosen.verdicts)
+    table = order_verdicts(ladder.chosen)
     return section(
         "pruning.survivors",
-        *tables,
+        table,
         Fold(sentence("analysis.errors"), ladder.tables()[1:]),
         size=len(ladder.chosen),
         counts=count_words(table),

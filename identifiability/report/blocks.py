@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -390,38 +389,6 @@ def sort_key(cell: Cell) -> str | None:
 SHOWN_FIRST = 12
 
 
-def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | Fold, ...]:
-    """Return a table of some rows, and below it one of the others that opens on demand.
-
-    If no row is among the first, all open on demand.
-
-    Parameters
-    ----------
-    table : Table
-    first : sequence of bool
-        Whether each row is among the first.
-    those : str
-        What these are, for the caption; what the others are say the words to filter by.
-    """
-    count = sum(first)
-    if count == len(table.rows):
-        return (table,)
-    shown, hidden = (
-        tuple(row for row, is_first in zip(table.rows, first, strict=True) if is_first is kind)
-        for kind in (True, False)
-    )
-    counts = count_words(replace(table, rows=hidden))
-    rest = f"The other {len(hidden)}" if count else f"All {len(hidden)}"
-    said = f"{rest}{f': {counts}' if counts else ''}"
-    more = replace(
-        table,
-        caption="",
-        rows=hidden,
-    )
-    best = (replace(table, caption=f"The {count} {those}", rows=shown),) if count else ()
-    return (*best, Fold(said, (more,)))
-
-
 def kind_of(block: object) -> str:
     """Return the kind of a block, for the choice of its template."""
     return type(block).__name__.lower()
@@ -444,8 +411,6 @@ class Section:
     lead : str
         One or two sentences that say what is to be seen.
     blocks : tuple
-    detail : bool
-        Whether it is shown only to who asks for statistics in detail.
     folded : bool
         Whether only its title and the first sentence of its lead are shown until it is opened.
     """
@@ -454,16 +419,13 @@ class Section:
     title: str
     lead: str = ""
     blocks: tuple[Block, ...] = ()
-    detail: bool = False
     folded: bool = False
 
 
 GLOSSARY = tuple(Term(**term) for term in WORDS["glossary"])
 
 
-def section(
-    name: str, /, *blocks: Block | str | None, detail: bool = False, **holes: Any
-) -> Section:
+def section(name: str, /, *blocks: Block | str | None, **holes: Any) -> Section:
     """Return a section with its title and lead; its anchor is the last part of its name.
 
     A text becomes a paragraph, None is left out.
@@ -474,7 +436,6 @@ def section(
         key,
         **words(name, **holes),
         blocks=kept,
-        detail=detail,
     )
 
 
@@ -554,6 +515,11 @@ def motion_traces(
     return traces(t, joints, units, lines, quantity, quantity.capitalize())
 
 
+def torque_lines(measured: Array, predicted: Array) -> dict[str, Array]:
+    """Return measured torque, predicted torque and the residual by the names of their lines."""
+    return {"measured": measured, "predicted": predicted, "residual": measured - predicted}
+
+
 def torque_traces(
     t: Array,
     measured: Array,
@@ -568,15 +534,14 @@ def torque_traces(
     The joint with the largest relative residual is shown first. With half widths of 95 % intervals
     (N, n) the prediction has a band.
     """
-    residual = measured - predicted
-    lines = {"measured": measured, "predicted": predicted, "residual": residual}
+    lines = torque_lines(measured, predicted)
     if half is not None:
         known = np.where(np.isfinite(half), half, np.nan)
         lines |= {"95 % from": predicted - known, "95 % to": predicted + known}
     caption = sentence("analysis.traces", log=log)
-    if np.isnan(residual).any():
+    if np.isnan(lines["residual"]).any():
         caption += sentence("moving", "gaps")
-    missed, whole = (np.ma.masked_invalid(y).std(0) for y in (residual, measured))
+    missed, whole = (np.ma.masked_invalid(y).std(0) for y in (lines["residual"], measured))
     worst = int((missed / whole).filled(0.0).argmax())
     return traces(t, joints, units, lines, caption=caption, shown=worst)
 

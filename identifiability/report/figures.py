@@ -514,7 +514,7 @@ def draw_curve(
             linewidth=1.2,
             label="learned",
         )
-    legend_above(axes)
+    legend_above(axes, ncols=3)
     label_axes(axes, *labels, title)
     return figure
 

@@ -9,14 +9,13 @@ the functions: a page needs only its verb.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.foundation.answers import Column, Note, Table
+from identifiability.foundation.answers import Column, Note
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import for_svg
@@ -46,11 +45,11 @@ from .blocks import (
     Trace,
     Traces,
     count_joints,
-    fold_rows,
     gallery,
     motion_traces,
     picture,
     section,
+    torque_lines,
     torque_traces,
     traces,
 )
@@ -98,12 +97,8 @@ def calibration_below(calibration: Calibration) -> Picture:
 def calibration_sections(calibration: Calibration) -> list[Section]:
     """Return the sections of the page."""
     (every,) = calibration.tables()
-    worst = [k < SHOWN_FIRST for k in range(len(every.rows))]
     how = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
-    parameters = section(
-        "calibration.parameters",
-        *fold_rows(every, worst, "parameters whose intervals hold the truth least often"),
-    )
+    parameters = section("calibration.parameters", every)
     texts = tuple(words("calibration.how", **how).values())
     return [
         parameters,
@@ -333,12 +328,12 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
         for (title, reason), places in why.items()
     )
     told = Prose((sentence("diagnosis.roles", verified=d.verified_on),))
-    evidence = section("diagnosis.evidence", table, detail=True)
+    evidence = section("diagnosis.evidence", table)
     reasons = Terms(refused) if refused else "Every family was asked."
     return (
         evidence,
         section("diagnosis.refusals", reasons),
-        section("diagnosis.method", told, detail=True),
+        section("diagnosis.method", told),
     )
 
 
@@ -450,30 +445,15 @@ def inspection_sections(result: Inspection) -> list[Section]:
         return own
     names = [record.name for record in result.records]
     clock, motion = result.tables()
-    moved = _fold_others(names, [(_motion_of(name, motion),) for name in names])
-    traced = _fold_others(names, [_recorded(result, r) for r in result.records])
+    first, *others = (_recorded(result, record) for record in result.records)
+    folds = (Fold(f"The same of {n}", x) for n, x in zip(names[1:], others, strict=True))
     preparations = map(_preparation, result.records)
     return [
-        section("inspection.motion", *moved),
-        section("inspection.traces", *traced),
+        section("inspection.motion", motion),
+        section("inspection.traces", *first, *folds),
         section("inspection.clock", clock, *preparations),
         *own,
     ]
-
-
-def _fold_others(names: Sequence[str], parts: Sequence[tuple[Block, ...]]) -> list[Block]:
-    """Return the blocks of the first log, then those of each other log on demand."""
-    first, *others = parts
-    folds = (Fold(f"The same of {n}", x) for n, x in zip(names[1:], others, strict=True))
-    return [*first, *folds]
-
-
-def _motion_of(log: str, motion: Table) -> Table:
-    """Return the rows of a table of motions that belong to a log."""
-    if motion.columns[1].title != "log":
-        return motion
-    rows = tuple(row for row in motion.rows if row[1].text == log)
-    return replace(motion, caption=f"{log}, each joint [SI units]", rows=rows).without("log")
 
 
 def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
@@ -491,15 +471,12 @@ def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
     return positions, torques
 
 
-def _preparation(record: Record) -> Fold | None:
+def _preparation(record: Record) -> Prose | None:
     """Return the reading and preparation of a log, if they differ from the default."""
     told = [f"{text[0].upper()}{text[1:]}." for text in record.notes]
     if record.clock["parts"] > 1:
         told.append(sentence("inspection.windows", parts=record.clock["parts"]))
-    summary = f"How {record.name} is read and prepared"
-    if told:
-        return Fold(summary, (Prose(tuple(told)),))
-    return None
+    return Prose((f"{record.name}: {' '.join(told)}",)) if told else None
 
 
 def _robot(result: Inspection) -> list[Section]:
@@ -603,9 +580,8 @@ def prediction_moving(result: TorquePrediction) -> Moving | None:
     name = shorten_paths(result.logs)[0]
     if not result.measured[0]:
         return move_with_torque(*along, predicted, {"predicted": predicted}, name)
-    residual = measured - predicted
-    lines = {"measured": measured, "predicted": predicted, "residual": residual}
-    return move_with_torque(*along, measured, lines, name, residual)
+    lines = torque_lines(measured, predicted)
+    return move_with_torque(*along, measured, lines, name, lines["residual"])
 
 
 def prediction_sections(result: TorquePrediction) -> list[Section]:

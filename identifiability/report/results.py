@@ -85,16 +85,10 @@ class Page:
     kind: str = ""
 
     @property
-    def linked(self) -> tuple[Any, ...]:
-        """The sections that the contents name: of the summary, and below it."""
-        return (*(b for b in self.summary if isinstance(b, Section)), *self.sections)
-
-    @property
     def has_detail(self) -> bool:
-        """Whether something is shown only to who asks for statistics in detail."""
-        parts = [*_within((*self.summary, *self.sections))]
-        columns = (c for b in parts for c in getattr(b, "columns", ()))
-        return any(getattr(b, "detail", False) for b in (*parts, *columns))
+        """Whether a column is shown only to who asks for statistics in detail."""
+        parts = _within((*self.summary, *self.sections))
+        return any(c.detail for b in parts for c in getattr(b, "columns", ()))
 
 
 def _within(blocks: Iterable[Any]) -> Iterator[Any]:
@@ -224,7 +218,7 @@ def build_page(result: Result) -> Page:
     done = [_table_section("ledger", table) for table in result.ledger()]
     sections = [*filter(None, _of_page(result, "sections", tables)), *done]
     # The values that a reader came for are on the first screen.
-    values = [part for part in sections[:1] if set(map(kind_of, part.blocks)) <= {"table", "fold"}]
+    values = [x for x in sections[:1] if _is_made_of(x, "table", "fold")]
     statement = "" if shown.answers else result.statement
     if notes:  # below the answers, at the drawing's left
         shown = replace(shown, notes=(Notes(notes),))
@@ -242,8 +236,15 @@ def build_page(result: Result) -> Page:
             shown,
             *values,
         ),
-        sections=tuple(replace(part, folded=k > 0) for k, part in enumerate(others)),
+        sections=tuple(
+            replace(x, folded=k > 0 or _is_made_of(x, "prose", "terms"))
+            for k, x in enumerate(others)
+        ),
     )
+
+
+def _is_made_of(part: Section, *kinds: str) -> bool:
+    return {*kinds}.issuperset(map(kind_of, part.blocks))
 
 
 def _table_section(name: str, table: Table) -> Section:

@@ -128,7 +128,7 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
     assert content["parameters"][0].keys() == {"name", "unit", "grouping"}
     page = build_page(found)
     assert page.summary[0].answers[0].short == "Yes: no check found a problem."
-    assert [s.name for s in page.linked][:4] == ["motion", "traces", "clock", "joints"]
+    assert [s.name for s in page.sections][:3] == ["traces", "clock", "joints"]
     html = found.write_report(tmp_path / "x.html").read_text()
     assert html.count("data-trace=") == 4
     assert ">nan<" not in html

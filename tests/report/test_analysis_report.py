@@ -10,7 +10,7 @@ pytestmark = pytest.mark.pictures
 
 SECTIONS = (
     "values", "prediction", "parameters", "models", "correlated", "physics",
-    "motion", "thresholds", "provenance", "ledger", "more",
+    "motion", "ledger", "more",
 )  # fmt: skip
 
 

@@ -85,7 +85,9 @@ class TorquePredictionPresenter(PredictingPresenter):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
-        return (make_table("predicted", add_units(self.result.error_frame(), "rms")),)
+        result = self.result
+        table = make_table("predicted", add_units(result.error_frame(), "rms"))
+        return (table if result.unknown.any() else table.without("unknown"),)
 
     def to_frame(self, *, details: bool = False) -> pd.DataFrame:
         """Return one row a sample and joint; with `details`, one row a sample as files have it."""

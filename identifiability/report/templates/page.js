@@ -66,7 +66,8 @@ function fitTable(box) {
 // Of many cards the first ones are shown; of many rows those around the marked one, and the first.
 for (const button of document.querySelectorAll(".all-rows")) {
   const table = button.closest(".table");
-  table.classList.toggle("around", table.querySelector(".marked") && table.querySelectorAll("tbody tr").length > 12);
+  const rows = table.querySelectorAll("tbody tr").length;
+  table.classList.toggle("short", rows > 12 && document.querySelector(".part") !== null);
   button.addEventListener("click", () => table.classList.add("all"));
 }
 for (const box of document.querySelectorAll(".table-box")) {
@@ -89,7 +90,6 @@ if (statistics) statistics.addEventListener("change", () => showDetail(statistic
 function openTarget() {
   const target = location.hash && document.getElementById(location.hash.slice(1));
   if (!target) return;
-  if (target.closest(".detail")) showDetail(true);
   for (const part of target.querySelectorAll(":scope > .part")) part.open = true;
   unfold(target);
   target.scrollIntoView();
