@@ -96,7 +96,7 @@ def test_json_and_report_hold_the_ladder(pruned, tmp_path):
     assert len(content["models"]) == len(pruned.models)
     assert len(content["full_parameters"]) == 37
     page = pruned.write_report(tmp_path / "p.html").read_text()
-    for words in ("Use 12 of 37 parameters;", "What survives", "rotors"):
+    for words in ("12 of 37 parameters are enough", "What survives", "rotors"):
         assert words in page
     assert "<table" in pruned._repr_html_()
     assert pruned.to_frame()["name"].tolist() == list(pruned.chosen.columns)
@@ -153,7 +153,7 @@ def test_the_command_line_prunes_and_writes(simulated, command, succeeds, tmp_pa
     model = tmp_path / "m.toml"
     data = tmp_path / "p.json"
     outputs = ["--out", model, "--json", data, "--report", tmp_path / "p.html"]
-    assert "Use " in succeeds("prune", "two-link", tmp_path / "run.csv", "--quick", *outputs).output
+    assert " of " in succeeds("prune", "two-link", tmp_path / "run.csv", "--quick", *outputs).output
     assert model.is_file()
     assert json.loads(data.read_text())["selected"].endswith("parameters")
     assert command("prune", "two-link", tmp_path / "none.csv").exit_code == 2

@@ -10,4 +10,4 @@ def test_trust_falls_with_a_warning_and_is_gone_with_a_doubt():
     assert answer_trust([note], "").short.startswith("Yes")
     assert answer_trust([note, warning], "").short == "With care: “Grave”."
     assert answer_trust([note], "nothing moved").short == "No: nothing moved"
-    assert answer_trust([note], "", in_doubt=["a"]).tone == "amber"
+    assert answer_trust([note], "", in_doubt="a").tone == "amber"

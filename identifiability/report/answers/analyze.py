@@ -41,6 +41,7 @@ from identifiability.workflows.provenance import given_paths
 from . import commands
 from .common import (
     NAMED,
+    TONES,
     VISIBLE,
     Command,
     PredictingPresenter,
@@ -93,8 +94,7 @@ class LadderedPresenter(PredictingPresenter):
         use = after_mass(self.answer_use(), result.mass_warning)
         short = join_sentences(state_weight(result), use.short, _state_open(result))
         cause = _state_cause(result)
-        below = join_sentences(use.more, _state_departures(result))
-        use = replace(use, short=short, text=cause or use.text, more=below)
+        use = replace(use, short=short, text=cause or use.text)
         more = ""
         if not result.nothing:
             parts = _state_own_means(result), _state_left_out(result), _state_file_error(result)
@@ -406,14 +406,26 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     if result.nothing:
         doubt = sentence("laddered.trust", "nothing", why=result.nothing)
     missing = result.missing.statement
-    in_doubt = [v.name for v in result.chosen.verdicts if Flag.IN_DOUBT in v.flags]
     notes = result.cautions()
-    usual = answer_trust(notes, doubt, missing, result.warnings, in_doubt)
+    usual = answer_trust(notes, doubt, missing, result.warnings, _state_in_doubt(result))
     odd = [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
     text = f"{_state_measurement(result)} {usual.short} {usual.text}".lstrip()
     if doubt or not odd:
         return usual
     return replace(usual, short=odd[0], text=text, tone="amber")
+
+
+def _state_in_doubt(result: Laddered[Any]) -> str:
+    """Return how many values are in doubt, and the likeliest effects that may be missing."""
+    chosen = result.chosen
+    alternatives = chosen.fit.alternatives
+    doubted = [k for k, v in enumerate(chosen.verdicts) if Flag.IN_DOUBT in v.flags]
+    if alternatives is None or not doubted:
+        return ""
+    effects = Counter(filter(None, (alternatives.names[k] for k in doubted)))
+    names = [name for name, _ in effects.most_common(2)]
+    size = len(chosen.verdicts)
+    return sentence("trust", "doubted", count=len(doubted), size=size, names=" or ".join(names))
 
 
 def _state_measurement(result: Laddered[Any]) -> str:
@@ -452,14 +464,6 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
 def state_physics(result: Laddered[Any]) -> str:
     """Return the values in use."""
     return sentence("decision.physics", "used" if result.chosen.physical_used else "free")
-
-
-def _state_departures(result: Laddered[Any]) -> str:
-    """Return the values in use that differ from the estimates."""
-    chosen = result.chosen
-    each = zip(chosen.submodel.columns, chosen.departures, strict=True)
-    names = [f"{name} ({text})" for name, text in each if text]
-    return sentence("decision.left", "names", names=names) if names else ""
 
 
 def state_weight(result: Laddered[Any]) -> str:
@@ -503,8 +507,8 @@ def _order_commands(
         The option that names the ladder, if one was given.
     """
     missing = command("missing", find)
-    very_good = grade_of(result.chosen.error_ra_validation) == "very-good"
-    first = result.missing.functions or result.chosen.contradicted or not very_good
+    good = TONES[grade_of(result.chosen.error_ra_validation)] == "green"
+    first = result.missing.functions or result.chosen.contradicted or not good
     # A ladder may come from a diagnosis, which proposes to compare.
     if not ladder:
         lines = [missing, *lines] if first else [*lines, missing]

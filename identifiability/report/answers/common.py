@@ -51,6 +51,11 @@ def join_sentences(*texts: str) -> str:
     return " ".join(filter(None, texts))
 
 
+def first_sentence(*texts: str) -> str:
+    """Return the first sentence of the first of some texts."""
+    return "".join(texts[:1]).partition(". ")[0].rstrip(".")
+
+
 def sentence(name: str, what: str = "text", /, **holes: Any) -> str:
     """Return one of the words of some name, with its holes filled."""
     return fill(WORDS[name][what], holes)
@@ -326,7 +331,7 @@ def answer_trust(
     doubt: str,
     missing: str = "",
     warnings: Sequence[str] = (),
-    in_doubt: Sequence[str] = (),
+    in_doubt: str = "",
 ) -> Answer:
     """Return whether the result may be trusted, with the titles of its caveats.
 
@@ -339,26 +344,25 @@ def answer_trust(
         The missing effects and their probability (`MissingEffects.statement`).
     warnings : sequence of str
         What changes a decision.
-    in_doubt : sequence of str
-        Parameters whose verdict an effect that may be missing changes.
+    in_doubt : str
+        How many values an effect that may be missing changes.
     """
     if doubt:
         return answer("trust", "no", doubt=doubt)
     graver = [n.title.rstrip(".") for n in notes if n.level == "warning"]
     usual = WORDS["note.hint"]["title"].rstrip(".")
-    checks = graver.count(usual)
+    checks = [n.text for n in notes if n.level == "warning" and n.title.rstrip(".") == usual]
     titles = [f"“{title}”" for title in dict.fromkeys(graver) if title != usual]
-    if checks:
-        titles.append(sentence("trust", "checks", count=checks))
+    titles += filter(None, [first_sentence(*checks), "" if missing else in_doubt])
+    if len(checks) > 1:
+        titles.append(sentence("trust", "checks", count=checks[1:]))
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
-    if in_doubt and not missing:
-        titles.append(sentence("trust", "doubted", names=in_doubt))
     grave = "; ".join([*(read if warnings else []), *titles])
     if missing:
         text = sentence("trust", "read", grave=grave) if grave else ""
         return answer("trust", "if_nothing", text, missing=missing)
     if grave:
-        return answer("trust", "care", grave=grave)
+        return answer("trust", "care", sentence("trust", "open") if in_doubt else "", grave=grave)
     return answer("trust", "yes", sentence("trust", "nothing"))
 
 

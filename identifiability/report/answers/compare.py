@@ -18,7 +18,7 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, format_number, measured, state_probability
 
 from .commands import export_line, ladder_option, name_logs, validate_options
-from .common import NAMED, AnsweringPresenter, Command, answer, command, sentence
+from .common import NAMED, AnsweringPresenter, Command, answer, command, join_sentences, sentence
 from .tables import make_table
 
 #: Of a frame of changes.
@@ -48,9 +48,7 @@ class ComparisonPresenter(AnsweringPresenter):
         changes = self.result.changes
         if not changes:
             return sentence("comparison.how", "nothing")
-        text = listing(
-            [f"{change.called}{_state_evidence(change)}" for change in changes], between="; "
-        )
+        text = listing([change.called for change in changes], between="; ")
         return f"{text[0].upper()}{text[1:]}."
 
     def asked(self) -> tuple[Answer, ...]:
@@ -60,7 +58,8 @@ class ComparisonPresenter(AnsweringPresenter):
         question = sentence("comparison.how", "question", before=every[:k], after=every[k:])
         tone = "vermilion" if result.changes else "green"
         loads = any(change.kind == "load" for change in result.changes)
-        text = sentence("comparison.how", "load") if loads else ""
+        use = sentence("comparison.how", "load") if loads else ""
+        text = join_sentences(*map(_state_evidence, result.changes), use)
         changed = Answer(question, result.answer, text, tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = replace(answer("comparison.trust", "logs", "", "amber"), more=why)
@@ -288,8 +287,9 @@ def _state_evidence(change: Change) -> str:
     if not np.isfinite(felt.rms):
         return ""
     torque = measured(abs(felt.rms), felt.sd, felt.unit)
-    holes = {"torque": torque, "joint": felt.joint, "probability": state_probability(change.odds)}
-    return sentence("comparison.seen", "evidence", **holes)
+    holes = {"what": change.what, "torque": torque, "joint": felt.joint}
+    sure = state_probability(change.odds)
+    return sentence("comparison.seen", "evidence", probability=sure, **holes)
 
 
 def _answer_cause(result: Comparison) -> tuple[Answer, ...]:

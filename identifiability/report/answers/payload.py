@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -12,10 +12,18 @@ from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import NONE, measured
+from identifiability.foundation.rounding import NONE, format_measured, measured
 
 from .commands import diagnose_lines, name_logs
-from .common import AnsweringPresenter, Command, answer, command, join_sentences, sentence
+from .common import (
+    AnsweringPresenter,
+    Command,
+    answer,
+    command,
+    first_sentence,
+    join_sentences,
+    sentence,
+)
 from .tables import make_table, span_cell
 
 if TYPE_CHECKING:
@@ -54,20 +62,17 @@ class LoadPresenter(AnsweringPresenter):
         return [*out, command("motion", f"excite {self.robot} {begun} --out next.json")]
 
     def answer(self) -> str:
-        """Return mass and where, or gains by a mass that is known, in one sentence."""
+        """Return the mass, or gains by a mass that is known, in one sentence."""
         return _state_load(self.result) if self.result.known is None else _state_gains(self.result)
 
     def caveats(self) -> tuple[str, ...]:
-        """Return the reasons to doubt the answer, and the remedy."""
+        """Return the reasons to doubt the answer."""
         places = {name.rpartition(" in ")[2] for name in _list_missing(self.result)}
         every = self.result.estimate.lacks
         lacks = [name for name in every if name.rpartition(" in ")[2] not in places]
         if not lacks:
             return ()
-        cause = sentence("payload.how", "lacks", lacks=lacks)
-        if self.result.without:
-            return (cause,)
-        return cause, sentence("payload.how", "unpaired")
+        return (sentence("payload.how", "lacks", lacks=lacks),)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""
@@ -78,7 +83,9 @@ class LoadPresenter(AnsweringPresenter):
         for q in shown:
             value = measured(q.value, q.sigma, q.unit) if q.told else NONE
             word = result[q.name].verdict
-            rows.append((q.name, value, span_cell(q.low, q.high), Cell(word, word, q.why, word)))
+            bounded = not q.told and q.low == 0 and np.isfinite(q.high)
+            ends = _bound_cell(q.high) if bounded else span_cell(q.low, q.high)
+            rows.append((q.name, value, ends, Cell(word, word, q.why, word)))
         return (make_table("load", rows, caption=sentence("payload.tables", part)),)
 
     def frame(self) -> pd.DataFrame:
@@ -88,28 +95,29 @@ class LoadPresenter(AnsweringPresenter):
         return by_name(pd.DataFrame([{**asdict(q), "told": q.told} for q in shown]))
 
 
+def _bound_cell(high: float) -> Cell:
+    """Return a range that begins at zero as its upper end."""
+    return Cell(sentence("payload.tables", "below", high=high), high)
+
+
 def _list_missing(result: Load) -> tuple[str, ...]:
     """Return the effects that the fit without the load lacks."""
     return result.fit.missing if result.fit else ()
 
 
 def _state_load(result: Load) -> str:
-    """Return mass and where, in one sentence."""
+    """Return the mass in one sentence."""
     about, mass, body = "payload.load", result.mass, result.body
     if not np.isfinite(mass.sigma):
         return sentence(about, "unknown", body=body)
     if not mass.told:
         return sentence(about, "nothing", body=body, most=mass.high)
     value = measured(mass.value, mass.sigma, "kg")
-    centre = result.quantities[1:4]
     if result.scale.contradicts:
         raw = result.as_measured[0]
         reading = measured(raw.value, raw.sigma, "kg")
         return sentence(about, "either", raw=reading, mass=value, body=body)
-    if not all(q.told for q in centre):
-        return sentence(about, "mass", mass=value, body=body)
-    at = ", ".join(measured(q.value, q.sigma) for q in centre)
-    return sentence(about, "centre", mass=value, body=body, at=at)
+    return sentence(about, "mass", mass=value, body=body)
 
 
 def _state_gains(result: Load) -> str:
@@ -134,24 +142,28 @@ def _answer_load(result: Load) -> Answer:
 
 
 def _state_readings(result: Load) -> str:
-    """Return how sure the torque constants are, and the mass if they are right."""
+    """Return how sure the torque constants are, and the standard error if they are right."""
     scale, raw = result.scale, result.as_measured[0]
-    mass = measured(raw.value, raw.sigma, "kg")
+    error = format_measured(raw.value, raw.sigma)[1]
     if np.isnan(scale.ratio):
-        return sentence("payload.scale", "prior", percent=100.0 * scale.sd, raw=mass)
+        return sentence("payload.scale", "prior", percent=100.0 * scale.sd, error=error)
     part = "contradicts" if scale.contradicts else "agrees"
     low, high = scale.ratio_interval
-    return sentence("payload.scale", part, ratio=scale.ratio, low=low, high=high, raw=mass)
+    return sentence("payload.scale", part, ratio=scale.ratio, low=low, high=high, error=error)
 
 
 def _answer_known(result: Load) -> Answer:
-    """Return the number of identifiable quantities of the load."""
+    """Return the centre of the load, and its quantities that are not identifiable."""
     about = "payload.known"
+    centre = result.quantities[1:4]
     unknown = [q.name for q in result.quantities if not q.told]
     count = len(result.quantities)
     tone = "amber" if unknown else "green"
     text = sentence(about, "lost", names=listing(unknown, count)) if unknown else ""
-    return answer(about, "count", text, tone, found=count - len(unknown), count=count)
+    part = "centre" if all(q.told for q in centre) else "count"
+    at = ", ".join(measured(q.value, q.sigma) for q in centre)
+    holes: dict[str, Any] = {"at": at, "body": result.body, "found": count - len(unknown)}
+    return answer(about, part, text, tone, count=count, **holes)
 
 
 def _answer_trust(result: Load) -> Answer:
@@ -164,14 +176,17 @@ def _answer_trust(result: Load) -> Answer:
         part, text = "loads", ""
     if result.scale.contradicts:
         part = "scale"
-    if result.warnings:
+    first = first_sentence(*result.warnings)
+    if first:
         part = "warning"
-    if result.caveats or _list_missing(result):
+    lacks = _list_missing(result) or result.estimate.lacks
+    if lacks:
         part = "robot"
+        text = sentence(about, "paired" if result.without else "alone")
     names = [c.called for c in changes]
     found = sentence(about, "found", names=names) if changes else ""
     more = join_sentences(found, *result.caveats)
-    return replace(answer(about, part, text), more=more)
+    return replace(answer(about, part, text, lacks=lacks, first=first), more=more)
 
 
 def _answer_gains(result: Load) -> Answer:

@@ -13,7 +13,7 @@ from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import join
+from identifiability.foundation.rounding import LEVEL, join
 from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
 from identifiability.workflows.provenance import given_paths
@@ -25,7 +25,9 @@ from .common import (
     PredictingPresenter,
     answer,
     command,
+    first_sentence,
     hint_note,
+    join_sentences,
     sentence,
 )
 from .tables import add_units, make_table
@@ -170,13 +172,24 @@ def _answer_intervals(result: TorquePrediction) -> Answer:
     text = phrase("predicted", "new", joints=new) if new else ""
     if not any(result.measured):
         return answer(about, "unmeasured", text)
-    share = float(result.inside.mean())
+    needed = _find_needed_width(result)
+    width = "narrow" if needed > 1.25 else "wide" if needed < 0.8 else "right"
+    holes: dict[str, Any] = {"share": float(result.inside.mean()), "needed": needed}
+    meaning = sentence(about, f"{width}_means", **holes)
     if few := _find_few(result):
-        text = f"{phrase('predicted', 'few', joints=few)} {text}".rstrip()
-        return answer(about, "no", text, share=share)
-    grave = result.warnings or "warning" in [hint_note(hint).level for hint in result.hints]
-    part = "care" if grave else "yes"
-    return answer(about, part, text, "amber" if new or grave else "green", share=share)
+        meaning = join_sentences(phrase("predicted", "few", joints=few), meaning)
+        return answer(about, "no", join_sentences(meaning, text), **holes)
+    notes = [hint for hint in result.hints if hint_note(hint).level == "warning"]
+    grave = first_sentence(*result.warnings, *notes)
+    part = f"care_{width}" if grave else width
+    tone = "amber" if new or grave else ""
+    return answer(about, part, join_sentences(meaning, text), tone, first=grave, **holes)
+
+
+def _find_needed_width(result: TorquePrediction) -> float:
+    """Return the share of their width with which the intervals would hold 95 % of the samples."""
+    off = np.abs(result.tau - result.predicted)[result.known]
+    return float(np.quantile(off / result.low[result.known], LEVEL))
 
 
 class PositionPredictionPresenter(AnsweringPresenter):

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
-from identifiability.foundation.rounding import format_number, percent_text
+from identifiability.foundation.rounding import format_count, format_number, percent_text
 
 from .analyze import LadderedPresenter, error_tables, model_row, state_physics
-from .common import answer, note, sentence
+from .common import WORDS, answer, join_sentences, note, sentence
 from .tables import make_table
 
 if TYPE_CHECKING:
@@ -46,20 +47,31 @@ class LadderPresenter(LadderedPresenter):
             text = sentence(about, "because", why=result.nothing)
             return answer(about, "nothing", text, size=size)
         wrong = chosen.infeasible
-        parts = [sentence(about, "impossible", names=wrong)] if wrong else []
-        if len(chosen) == size:
-            parts.append(sentence(about, "all"))
-        text = " ".join((*parts, state_physics(result)))
-        found = chosen.count(Class.IDENTIFIABLE)
-        used = len(chosen) - len(wrong)
+        used = len(chosen)
+        errors = {"before": result.full.error_ra_validation, "after": chosen.error_ra_validation}
+        holes: dict[str, Any] = {"size": size, "used": used, "dropped": size - used, **errors}
+        part = "some" if used < size else "all"
+        found = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
+        signs = sentence(about, "impossible", names=wrong) if wrong else ""
+        text = join_sentences(_state_dropped(result), found, signs, state_physics(result))
         tone = "green" if chosen.feasible else "amber"
-        return answer(about, "some", text, tone, size=size, used=used, found=found)
+        return answer(about, part, text, tone, **holes)
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and whether the choice is stable."""
         yield from super().notes()
         weight = self.result.chosen.weight
         yield note("stable" if weight > 0.5 else "unstable", weight=weight)
+
+
+def _state_dropped(result: Ladder) -> str:
+    """Return how many parameters of each kind the model to use has no more."""
+    kept = {*result.chosen.submodel.columns}
+    lost = [name for name in result.full.submodel.columns if name not in kept]
+    kinds: dict[str, str] = WORDS["pruning.kinds"]
+    count = Counter(kinds.get(name.rpartition(".")[2], kinds["other"]) for name in lost)
+    each = [format_count(number, kind) for kind, number in count.most_common()]
+    return sentence("pruning.use", "dropped", each=each) if each else ""
 
 
 def _move_row(r: PrunedModel) -> dict[str, Any]:
