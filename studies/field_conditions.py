@@ -818,7 +818,7 @@ def examine(x: Logged, which: Condition) -> dict[str, Any]:
     if which.labels:
         row |= examine_labels(a, truth_of(x.case, a))
         missed = row["missed"]
-    (x.path / "said.txt").write_text("\n".join([a.statement, *told(a), *missed]) + "\n")
+    (x.path / "said.txt").write_text("\n".join([a.details, *told(a), *missed]) + "\n")
     return row
 
 

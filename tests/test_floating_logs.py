@@ -112,7 +112,7 @@ def test_every_road_ends_in_what_an_ideal_sensor_reads(which, thrown, body):
 
 def test_a_body_that_is_moved_by_a_hand_tells_its_ten_parameters(thrown, body):
     found = analyze(body, [table(thrown, **sensor(thrown))], "none", replicates=50)
-    assert "body weighs 2.5" in found.statement
+    assert "body weighs 2.5" in found.details
     told = found.to_frame()
     told = told[~told.index.str.startswith("base.imu")]
     assert len(told) == 10

@@ -67,9 +67,9 @@ def test_predictions_hold_and_what_changed_or_is_missing_is_named_on_a_moving_ba
     other = made.cart_arm(1, pushed=True)
     assert pushed[0].predict(other).error_ra < 0.02
     rubs = made.cart_arm(3, pushed=True, rubs=0.6)
-    assert "riction of shoulder rose" in compare("cart-arm", other, rubs).statement
+    assert "riction of shoulder rose" in compare("cart-arm", other, rubs).details
     model = [*DRIVE[:2], DRIVE[3], "coulomb_friction@yaw+elbow"]
-    assert "Coulomb friction in shoulder" in diagnose("cart-arm", rubs, model=model).statement
+    assert "Coulomb friction in shoulder" in diagnose("cart-arm", rubs, model=model).details
     assert not diagnose("free-body", log("free-body", "run1.csv"), quick=True).effects  # no joints
 
 

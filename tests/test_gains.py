@@ -79,7 +79,7 @@ def test_without_a_load_in_the_logs_nothing_is_told(made):
     found = payload(robot, empty.iloc[:750], empty.iloc[750:], **WHAT)
     assert found.sidecar == ""
     assert not any(g.told for g in found.gains)
-    assert "do not tell the gain of any torque column" in found.statement
+    assert "do not tell the gain of any torque column" in found.details
 
 
 def test_what_cannot_be_is_refused(made):
@@ -120,7 +120,7 @@ def test_gains_that_are_off_are_seen_by_what_the_arm_weighs(made):
     light = Robot.load(robot.path, sidecar=sidecar)
     found = payload(light, analyze(light, empty, replicates=0), loaded, empty)
     assert found.mass.value == pytest.approx(0.9 * 3.0, rel=0.03)
-    assert "Gravity torque of the fitted robot is 0.9 of the file's" in found.statement
+    assert "Gravity torque of the fitted robot is 0.9 of the file's" in found.details
     common = payload(light, analyze(light, empty, replicates=0), loaded, empty, mass=3.0)
     sure = [g for g in common.gains if g.told]
     assert sure

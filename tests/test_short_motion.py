@@ -31,10 +31,10 @@ def test_no_identifiable_parameter_beside_good_predictions_is_explained(analysis
     assert not any(v.verdict.value == "identifiable" for v in found.chosen.verdicts)
     assert found.chosen.error_ra_validation < 0.08
     count = len(found.chosen.submodel)
-    use = found.statement
+    use = found.details
     assert "Use the values together, none by itself" in use
     assert f" of {count} parameters. Log longer and more varied motion." in use
-    longer = analysis_of(150).statement
+    longer = analysis_of(150).details
     assert "none by itself" not in longer
     assert "largest part of the standard error" not in longer
 
@@ -56,7 +56,5 @@ def test_the_error_over_own_means_is_stated_where_it_is_far_larger(analysis_of):
     size = np.abs(seen.tau - seen.tau.mean(axis=0))[seen.data].sum()
     error = np.abs(seen.residual).sum() / size
     assert error > 1.3 * found.chosen.error_ra_validation
-    assert (
-        f"in place of one mean of all joints, the error is {100 * error:.3g} %" in found.statement
-    )
-    assert "own mean torque" not in analysis_of(150).statement
+    assert f"in place of one mean of all joints, the error is {100 * error:.3g} %" in found.details
+    assert "own mean torque" not in analysis_of(150).details

@@ -67,10 +67,17 @@ class Presenter:
         return merge_subjects(one for one in found if one.decides)
 
     def statement(self) -> str:
-        """Return answers and warnings as text, one a line, without the next commands."""
+        """Return short answers and warnings, one a line, without the next commands."""
+        return self._list_lines("short")
+
+    def details(self) -> str:
+        """Return answers with all that explains them, and warnings, one a line."""
+        return self._list_lines("whole")
+
+    def _list_lines(self, part: str) -> str:
         result = self.result
         asked = [a for a in result.answers() if not a.commands]
-        lines = [f"{a.question} {a.whole}" for a in asked]
+        lines = [f"{a.question} {getattr(a, part)}" for a in asked]
         return "\n".join([*lines, *result.warnings])
 
     def to_frame(self, *, details: bool = False) -> pd.DataFrame:

@@ -46,7 +46,13 @@ class Result(Keyed, ABC):
     @property
     @presented
     def statement(self) -> str:
-        """Return the answers and warnings in plain words, one a line, without next steps."""
+        """Return short answers and warnings in plain words, one a line, without next steps."""
+        raise NotImplementedError
+
+    @property
+    @presented
+    def details(self) -> str:
+        """Return the answers with all that explains them, warnings and remarks."""
         raise NotImplementedError
 
     @presented
@@ -164,7 +170,16 @@ class Result(Keyed, ABC):
 
     def __dir__(self) -> list[str]:
         """Return the names for completion: those that users need, without internals."""
-        asked = {"answers", "figures", "findings", "from_json", "next", "statement", "tables"}
+        asked = {
+            "answers",
+            "figures",
+            "findings",
+            "from_json",
+            "next",
+            "details",
+            "statement",
+            "tables",
+        }
         asked |= {"row_names", "chosen", "models", "play", "predict", "robot", "summary"}
         asked |= {"warnings"}
         offered = ("_", "to_", "write_")

@@ -54,7 +54,7 @@ def test_it_is_named_and_weighs_nothing(frame, fault, analysed):
     (hint,) = bad.hints
     assert hint.startswith("a: one outlying value was replaced")
     assert named in hint
-    assert hint in bad.statement
+    assert hint in bad.details
     moved = np.abs(bad.full.estimate.value - good.full.estimate.value)
     assert (moved < 0.2 * good.full.fit.robust).all()
     assert [v.verdict for v in bad.full.verdicts] == [v.verdict for v in good.full.verdicts]

@@ -24,4 +24,4 @@ def test_a_validation_log_of_another_robot_is_named(verb):
         verb("two-link", log, log_of("six-dof-arm"), replicates=0)
     like = replace(log, name="other", sha256="other", tau=-3 * np.roll(log.tau, 50, axis=0))
     found = verb("two-link", log, like, replicates=0)
-    assert "than a constant torque would" in " ".join((found.statement, *found.hints))
+    assert "than a constant torque would" in " ".join((found.details, *found.hints))

@@ -96,7 +96,7 @@ def test_a_joint_that_bends_is_found_and_exported_so_that_unseen_motion_is_its_o
     (joint,) = found.bending.joints
     assert again.springs["elbow"].stiffness == joint.stiffness
     assert joint.stiffness == pytest.approx(STIFFNESS, rel=0.03)
-    assert "elbow bends" in found.statement
+    assert "elbow bends" in found.details
     assert "URDF" in export(robot, result, tmp_path / "arm.urdf", force=True).statement
 
 
@@ -124,7 +124,7 @@ def test_late_torque_of_a_rigid_arm_is_no_spring(robot):
     log["elbow.tau"] = np.interp(log["t"] - 0.004, log["t"], log["elbow.tau"])
     found = diagnose(robot, log, run(False, 4), quick=True, bending=True)
     assert not found.bending.joints
-    assert "None that these logs can show" in found.statement
+    assert "None that these logs can show" in found.details
 
 
 def test_the_fastest_motion_is_used_and_values_that_make_links_unstable_are_refused(robot):

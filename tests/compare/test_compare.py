@@ -164,7 +164,7 @@ def test_wear_that_stays_and_warm_up_that_returns_are_told_apart():
     found = compare(PLANAR, logs(PLANAR, 0)[0], [logs(PLANAR, 1)[1], *worn])
     (change,) = (c for c in found.changes if c.place == "elbow")
     assert change.since == worn[0].name
-    assert "this is wear" in found.statement
+    assert "this is wear" in found.details
     first, *later = (point.relative for point in change.course)
     assert abs(first[0]) < 3 * first[1]
     assert all(abs(size - 0.4) < 3 * sd for size, sd in later)

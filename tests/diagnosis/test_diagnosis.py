@@ -24,7 +24,7 @@ def diagnosis(diagnosis_of):
 
 
 def test_the_statement_says_effect_joints_odds_and_how_far_the_gap_shrinks(diagnosis):
-    text = diagnosis.statement
+    text = diagnosis.details
     assert text.startswith("What is missing? Stribeck friction in slider1 and slider3, up to ")
     assert "goes from" in text
     assert "95 %" in text
@@ -49,7 +49,7 @@ def test_nothing_hidden_gives_an_empty_list(diagnosis_of):
     assert d.to_dict()["effects"] == []
     assert d.to_frame().empty
     assert d.held_after == d.held_before
-    assert "No missing effect was found" in d.statement
+    assert "No missing effect was found" in d.details
 
 
 def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_of, tmp_path):
@@ -64,8 +64,8 @@ def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_
     assert refuted.before > 1 > refuted.unseen
     assert d.model.names == d.base
     assert d.held_after == d.held_before
-    assert "No missing effect was found" in d.statement
-    assert "Position ripple in left_shoulder stood out from the fitted motion" in d.statement
+    assert "No missing effect was found" in d.details
+    assert "Position ripple in left_shoulder stood out from the fitted motion" in d.details
     content = json.loads(d.to_json(tmp_path / "d.json").read_text())
     assert content["effects"] == []
     assert [e["name"] for e in content["refuted"]] == ["position_ripple"]
@@ -117,7 +117,7 @@ def test_a_fixed_simulation_can_miss_payload_and_tilt(
 def test_a_fixed_simulation_without_a_fault_gets_no_name(effects, diagnosis_of):
     d = diagnosis_of("six-dof-arm", fixed=True, effects=effects)
     assert d.effects == ()
-    assert "the robot file's own values" in d.statement
+    assert "the robot file's own values" in d.details
 
 
 def test_only_the_families_that_are_asked_for_are_named(logs_of):

@@ -65,7 +65,7 @@ def test_errors_of_the_file_are_named_only_where_it_is_taken_as_exact(logs_of, e
     assert any("taken as exact" in hint for hint in exact.hints)
     told = quick("two-link", logs[:4], logs[4:], fixed=0.1, effects=effects)
     assert told.effects == ()
-    assert "each within 10 %" in told.statement
+    assert "each within 10 %" in told.details
     assert not any("taken as exact" in hint for hint in told.hints)
     assert told.held_before < 0.5 * exact.held_before
 
@@ -76,7 +76,7 @@ def test_a_payload_beyond_the_errors_is_named_with_its_mass(logs_of):
     (e,) = d.effects
     (mass,) = [r for p in e.placements for r in p.rows if r[0].endswith("payload_m")]
     assert abs(mass[1] - 4.0) < 3 * mass[2] < 1.5
-    assert f"in link_6, {mass[1]:.2g} kg ± " in d.statement
+    assert f"in link_6, {mass[1]:.2g} kg ± " in d.details
 
 
 def test_a_result_tells_its_values_and_their_covariance(logs_of, tmp_path):
@@ -92,7 +92,7 @@ def test_a_result_tells_its_values_and_their_covariance(logs_of, tmp_path):
     known = d.known.directions[:, d.known.precision > 0]
     off = known @ known.T - a.fit.base_covariance
     assert np.all(np.abs(off) <= 0.02 * np.outer(sd, sd))
-    assert "the values of before.json, with their errors" in d.statement
+    assert "the values of before.json, with their errors" in d.details
     assert json.loads(json.dumps(d.to_dict()))["fixed"] is True
     # What is kept to predict with are these values, as far as they are known.
     assert np.all(np.abs(d.fit.base - d.known.base) <= 3.0 * sd)

@@ -81,7 +81,7 @@ def test_an_effect_that_no_family_fits_is_given_no_name(logs_of):
     logs = [replace(log, start=None) for log in logs_of("five-bar", "thermal_drift=0.012")]
     d = diagnose("five-bar", logs[:4], logs[4:], forward=False)
     assert d.effects == ()
-    assert "No missing effect was found" in d.statement
+    assert "No missing effect was found" in d.details
     assert "Torque offsets differ between logs" in d.alternative
 
 
@@ -107,7 +107,7 @@ def test_coulomb_asymmetry_and_offset_are_one_name_with_two_words(effects, diagn
     # Beside the two only what an offset is the greater part of.
     assert names <= {"coulomb_asymmetry", "torque_offset", "free_spring", "torque_drift"}
     assert effect.joints == ("joint_1",)
-    assert "cannot tell" in d.statement
+    assert "cannot tell" in d.details
 
 
 def test_friction_of_all_joints_but_one_is_named_in_these_joints_alone(
@@ -120,7 +120,7 @@ def test_friction_of_all_joints_but_one_is_named_in_these_joints_alone(
     d = diagnosis_of("six-dof-arm", hidden, effects=few)
     assert named(d) == [("stribeck_friction", joints)]
     found = analyze("six-dof-arm", logs_of("six-dof-arm", hidden), replicates=0)
-    assert "in joint_2, joint_3, joint_4, joint_5 and joint_6" in found.statement
+    assert "in joint_2, joint_3, joint_4, joint_5 and joint_6" in found.details
 
 
 def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tmp_path):

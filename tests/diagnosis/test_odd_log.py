@@ -31,7 +31,7 @@ def test_a_log_of_another_robot_is_left_out_and_effects_are_named_from_the_other
     )  # fmt: skip
     assert np.isinf(change.start)
     assert np.isinf(change.stop)
-    assert "N·m ± " in d.statement.partition(f" in {logs[1].name}. The rows logged meanwhile")[0]
+    assert "N·m ± " in d.details.partition(f" in {logs[1].name}. The rows logged meanwhile")[0]
     assert [s.name for s in d.samples] == [log.name for log in (logs[0], *logs[2:4])]
     assert d.to_dict()["roles"]["left_out"] == [logs[1].name]
     alone = diagnose("two-link", [logs[0], *logs[2:4]], logs[4:], **few)
@@ -73,7 +73,7 @@ def test_a_mass_gripped_in_the_middle_of_a_log_is_told_with_its_instant_and_left
     assert abs(change.sizes[0] - 0.5) < 4 * change.sd[0] + 0.02
     assert not d.effects
     assert d.samples[1].motion.t.max() < logs[1].t[0] + since + 0.3
-    assert change.called[1:] in d.statement
+    assert change.called[1:] in d.details
     assert change.called.startswith("load of link2 grew by 0.")
     assert d.to_dict()["changes"][0]["from95"][0] == change.began[0]
 

@@ -30,7 +30,7 @@ def test_a_burst_leaves_the_study_its_name_and_its_error(rows, size, study):
     found = diagnose(study / "robot.urdf", logs, study / "run3.csv", forward=False, quick=True)
     assert [(e.name, e.joints) for e in found.effects] == [("stribeck_friction", ("joint_2",))]
     assert found.held_after < 0.0125
-    assert "the torque of joint_2 is up to" in found.statement
+    assert "the torque of joint_2 is up to" in found.details
     same = analyze(study / "robot.urdf", logs, study / "run3.csv", found, replicates=0).chosen
     errors = same.error_ra, same.error_ra_validation
     assert errors == pytest.approx((found.error_after, found.held_after), rel=1e-6)

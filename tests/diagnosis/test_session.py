@@ -30,7 +30,7 @@ def test_a_robot_that_warms_is_shown_over_the_session_and_the_last_log_is_predic
     (effect,) = d.effects
     assert (effect.name, effect.joints, effect.unnamed) == (NAME, ("elbow",), True)
     assert d.held_after < 0.9 * d.held_before
-    assert "an unnamed function of the time of the session in elbow" in d.statement.lower()
+    assert "an unnamed function of the time of the session in elbow" in d.details.lower()
     (curve,) = d.curves
     ends = [log.start + log.t[-1] - logs[0].start for log in logs[:-1]]
     assert curve.against == "session"

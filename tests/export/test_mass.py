@@ -20,7 +20,7 @@ def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(log, tmp_p
     result = analyze("3-rps", log, ladder=FULL, replicates=50)
     found = result.chosen.physical.parameters()
     assert 25.248 / 3 < total_mass(result.robot, found) < 3 * 25.248
-    assert "weighs" not in result.statement
+    assert "weighs" not in result.details
     rows = result.to_dict()["physical"]["masses"]
     assert [row["body"] for row in rows] == list(result.robot.bodies)
     masses = [found[f"{b}.m"] for b in result.robot.bodies]
@@ -37,14 +37,14 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, co
     first = run.output.splitlines()[0]
     assert first.startswith(f"The nearest physically consistent robot weighs {mass:.4g} kg, that")
     assert first.endswith("--set cad_prior=1 keeps it nearer to the file's proportions.")
-    assert result.statement.startswith(first.partition(":")[0])
+    assert result.details.startswith(first.partition(":")[0])
     page = build_page(result)
     answer = page.summary[0].answers[0]
     total, _, why = first.partition(": ")
     assert answer.short.startswith(f"{total}. ")
     assert answer.text.lower().startswith(in_python(why).lower())
     light = analyze("3-rps", log, ladder=FULL, replicates=50, cad_prior=1.0)
-    assert "weighs" not in light.statement
+    assert "weighs" not in light.details
     assert total_mass(light.robot, light.chosen.physical.parameters()) < 3 * 25.248
 
 

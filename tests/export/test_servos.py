@@ -46,7 +46,7 @@ def test_the_rollout_error_of_unseen_motion_is_stated(made):
     told = json.loads(path.read_text())["rollout"]
     assert told["unseen"]
     assert told["error"] < 0.2 * told["error_file"]
-    assert told["statement"] in result.statement
+    assert told["statement"] in result.details
     assert "(not fitted), the fitted robot errs by" in told["statement"]
     done = export(robot, path, path.with_name("stated.xml"), force=True)
     assert told["statement"] in done.statement

@@ -96,8 +96,8 @@ def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
     found = diagnose(robot, log, unseen, quick=True)
     assert not any(e.name == "gravity_tilt" for e in found.effects)
     assert np.linalg.norm(found.robot.tilt.direction - [0, 1, 0]) < 0.02
-    assert "Gravity points along (" in found.statement
-    assert "from the direction that the file states" in found.statement
+    assert "Gravity points along (" in found.details
+    assert "from the direction that the file states" in found.details
     assert found.held_after < 0.03
     told = found.to_dict()
     assert told["robot"]["gravity"]["degrees"] == pytest.approx(90.0, abs=1.0)
@@ -106,5 +106,5 @@ def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
     assert "wall.urdf holds a tilted base: gravity points along" in exported.statement
     assert "cannot hold a tilted base" not in exported.statement
     again = analyze(robot, log, unseen, ladder=found, quick=True, replicates=0)
-    assert "In this model gravity points along" in again.statement
+    assert "In this model gravity points along" in again.details
     assert again.chosen.error_ra_validation < 0.03

@@ -58,7 +58,7 @@ OTHERS = {
     "a key that is gone": lambda result: result.pop("selected"),
     "a row that is gone": lambda result: result["parameters"].pop(),
     "a count in a sentence": lambda result: say(result, "9 of 11", "10 of 11"),
-    "a word of a sentence": lambda result: say(result, "can identify", "cannot identify"),
+    "a word of a sentence": lambda result: say(result, "are identifiable", "are negligible"),
     "an error by a hundredth": lambda result: result["models"][0].update(
         error_ra=1.01 * result["models"][0]["error_ra"]
     ),

@@ -73,7 +73,7 @@ def test_base_parameters_are_those_that_analyze_fits(name):
     assert known.loc[first, "grouping"] == found.base.labels[0]
     passive = {j.name for j in found.joints if j.role == "passive"}
     assert passive == set(found.robot.passive)
-    assert str(found.base.rank) in found.statement
+    assert str(found.base.rank) in found.details
 
 
 def test_columns_of_a_template_are_those_that_a_log_is_read_by(tmp_path, gripper):
@@ -91,7 +91,7 @@ def test_a_good_log_is_told_as_it_is(run):
     found = look(run)
     (record,) = found.records
     assert not found.hints
-    assert "analyze compares the masses" in found.statement
+    assert "analyze compares the masses" in found.details
     assert record.clock["samples"] == 1200
     assert record.clock["rate"] == pytest.approx(1 / (run.t[1] - run.t[0]))
     assert record.clock["gaps"] == 0

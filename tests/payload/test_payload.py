@@ -119,7 +119,7 @@ def test_a_load_is_weighed_whether_or_not_its_weight_was_subtracted(
 def test_a_load_that_the_controller_subtracts_altogether_is_asked_for(fit, make_logs):
     found = payload("two-link", fit("two-link"), make_logs("two-link", seed=5)[1])
     assert "Nothing surely hangs" in found.answer
-    assert "Enter a load of zero at the pendant" in found.statement
+    assert "Enter a load of zero at the pendant" in found.details
 
 
 def test_what_the_result_does_not_know_of_the_robot_is_not_known_of_the_load(
@@ -140,7 +140,7 @@ def test_what_a_motion_does_not_tell_is_said(fit, make_logs, planted):
     told = {q.name: q.told for q in found.quantities}
     assert told["mass"]
     assert not told["Ixy"]
-    assert "Ixx" in found.statement.partition("Not identifiable:")[2]
+    assert "Ixx" in found.details.partition("Not identifiable:")[2]
     assert {q.name: q.why for q in found.quantities}["Ixz"] == "not identifiable from this motion"
     assert np.isfinite([q.value for q in found.quantities]).all()
 
@@ -152,8 +152,8 @@ def test_an_effect_that_the_model_lacks_is_no_change_of_the_robot(fit, make_logs
     alone = payload(ARM, fit(ARM), log)
     paired = payload(ARM, fit(ARM), log, [make_logs(ARM, seed=50, extra=odd)[1]])
     for found in (alone, paired):
-        assert "unction of position in joint_3 in addition to the load" in found.statement
-    assert ["without=" in found.statement for found in (alone, paired)] == [True, False]
+        assert "unction of position in joint_3 in addition to the load" in found.details
+    assert ["without=" in found.details for found in (alone, paired)] == [True, False]
     assert not payload(ARM, fit(ARM), make_logs(ARM, planted, seed=11)[1]).caveats
 
 
@@ -170,7 +170,7 @@ def test_friction_that_changed_is_estimated_beside_the_load_and_said(
     found = payload(ARM, fit(ARM), make_logs(ARM, planted, seed=seed, extra=warm)[1], bare)
     assert not same.estimate.changes
     assert [c.place for c in found.estimate.changes] == ["joint_3"]
-    assert "riction of joint_3 rose by" in found.statement
+    assert "riction of joint_3 rose by" in found.details
     assert not found.caveats
     assert found.mass.value == pytest.approx(same.mass.value, abs=0.4 * same.mass.half)
     assert found.mass.half == pytest.approx(same.mass.half, rel=0.1)
@@ -189,13 +189,13 @@ def test_of_logs_with_different_loads_it_is_said_which_has_more(fit, make_logs, 
     heavy = make_logs(ARM, replace(planted, mass=2.5), seed=13)
     same = payload(ARM, fit(ARM), [light[0], light[1]])
     assert not same.estimate.changes
-    assert "The logs agree." in same.statement
+    assert "The logs agree." in same.details
     mixed = payload(ARM, fit(ARM), [light[0], heavy[1]])
     (change,) = mixed.estimate.changes
     assert (change.kind, change.place) == ("load", "link_6")
     masses = mixed.mass.value + change.sizes[0] * np.array([0, 1])
     assert sorted(masses) == pytest.approx([planted.mass, 2.5], abs=0.3)
-    assert "the logs have different loads" in mixed.statement
+    assert "the logs have different loads" in mixed.details
 
 
 def test_the_command_answers_first_and_writes_what_was_asked(

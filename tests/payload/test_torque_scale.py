@@ -31,7 +31,7 @@ def test_both_readings_are_shown_where_the_file_contradicts_torque_constants(
     assert found.mass.half < 0.06 * planted.mass
     reading = found.as_measured[0]
     assert not reading.low < planted.mass < reading.high
-    text = found.statement
+    text = found.details
     assert f"{reading.value:.2f}" in text
     assert f"{found.mass.value:.2f} kg" in text
 
@@ -54,7 +54,7 @@ def test_the_prior_of_torque_constants_is_in_the_interval_where_the_file_is_no_w
     assert sure.scale.sd < 0.02
     assert 0.05 < unsure.scale.sd < 0.11
     assert unsure.mass.half > 0.1 * planted.mass
-    assert "torque constants" in unsure.statement
+    assert "torque constants" in unsure.details
 
 
 def test_the_factor_is_as_sure_as_files_whose_bodies_err_by_5_percent_allow():

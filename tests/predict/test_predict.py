@@ -73,7 +73,7 @@ def test_torque_is_told_apart_low_passed_and_raw(make_log):
     assert result.fit.preparation.cutoff == result.samples[0].cutoff
     assert found.error_ra < found.error_ra_raw
     assert (found.low < found.new).all()
-    assert "of raw torque" in found.statement
+    assert "of raw torque" in found.details
 
 
 def test_what_the_fitted_motion_never_showed_is_not_predicted(make_log):
@@ -84,7 +84,7 @@ def test_what_the_fitted_motion_never_showed_is_not_predicted(make_log):
     assert np.isinf(same.mean[:, 1]).all()  # dry friction held it: that torque was no data
     found = result.predict(log)
     assert found.unknown.max() > 0.9
-    assert "never showed" in found.statement
+    assert "never showed" in found.details
 
 
 def test_a_load_is_seen_and_said(analysis, make_log):
@@ -93,7 +93,7 @@ def test_a_load_is_seen_and_said(analysis, make_log):
     heavy["elbow.tau"] += 3 * heavy["elbow.tau"].std()
     found = analysis.predict(Log.from_frame(heavy, "heavy"))
     assert found.inside[1] < 0.5 < found.inside[0]
-    assert "Too few samples of elbow do" in found.statement
+    assert "Too few samples of elbow do" in found.details
 
 
 @pytest.fixture
@@ -182,7 +182,7 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
         assert np.isnan(found.tau).all()
         assert np.isnan(found.to_frame(details=True)["elbow.residual"]).all()
         assert np.isnan([found.error_ra, found.error_ra_raw, *found.inside]).all()
-        assert "Nothing was measured that could tell" in found.statement
+        assert "Nothing was measured that could tell" in found.details
         assert "tau" not in " ".join(found.hints)
     told = json.loads(found.to_json(tmp_path / "p.json").read_text())
     assert told["error_ra"] is None
@@ -198,7 +198,7 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
     assert [e["error"] for e in both.to_dict()["logs"]] == pytest.approx(
         [np.nan, whole.error_ra], nan_ok=True, rel=1e-5
     )
-    assert "predicted alone: log 1" in both.statement
+    assert "predicted alone: log 1" in both.details
     with pytest.raises(IdentifiabilityError, match=r"no column shoulder\.tau"):
         analyze("two-link", bare)
     with pytest.raises(IdentifiabilityError, match=r"no column shoulder\.q"):

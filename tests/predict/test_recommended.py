@@ -42,7 +42,7 @@ def test_the_values_that_are_used_are_predicted_with_and_said(found, as_good, tm
     assert_array_equal(result.fit.values, expected)
     content = json.loads(result.to_json(tmp_path / "result.json").read_text())
     assert content["physical"]["used"] is as_good
-    assert ("Predictions and exports use" in result.statement) == as_good
+    assert ("Predictions and exports use" in result.details) == as_good
     read = Analysis.from_json(tmp_path / "result.json", result.robot)
     assert_array_equal(read.values, expected)
     low, high = chosen.verdicts[0].interval95
@@ -69,7 +69,7 @@ def test_what_is_stated_written_and_predicted_is_the_same(name, tmp_path):
     assert read.predict(unseen).error_ra == pytest.approx(error, rel=1e-3)
     (row,) = (m for m in told["models"] if m["name"] == told["selected"])
     assert row["error_ra_validation"] == pytest.approx(error, rel=1e-4)
-    assert percent(error) in result.statement
+    assert percent(error) in result.details
     given = [told["physical"]["parameters"].get(n, 0.0) for n in result.structure.columns]
     base = result.structure.G @ given
     sigma = np.sqrt(np.diag(result.fit.base_covariance))

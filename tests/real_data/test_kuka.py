@@ -110,7 +110,7 @@ def test_a_change_that_takes_most_motion_is_not_left_out_of_the_values(kuka, fol
     found = diagnose(robot, kuka.load_log(folder, robot, 1), forward=False)
     assert found.changes
     assert found.held_after <= found.held_before
-    assert "all rows are fitted" in found.statement
+    assert "all rows are fitted" in found.details
 
 
 @pytest.mark.everything

@@ -175,7 +175,7 @@ class LadderedPresenter(PredictingPresenter):
             return None
         return torque_noise(result.validation or result.samples)
 
-    def statement(self) -> str:
+    def details(self) -> str:
         """Return the answers in plain words, with warnings and remarks."""
         result = self.result
         tilt = result.robot.tilt

@@ -158,10 +158,10 @@ class DiagnosisPresenter(PredictingPresenter):
         notes += [_write_note("remark", hint) for hint in result.remarks]
         return tuple(notes)
 
-    def statement(self) -> str:
+    def details(self) -> str:
         """Return the answers in plain words, and below them the caveats."""
         notes = (note.text for note in self.result.cautions())
-        return "\n- ".join([super().statement(), *notes])
+        return "\n- ".join([super().details(), *notes])
 
     def unexplained(self) -> str:
         """Return the residual in words."""

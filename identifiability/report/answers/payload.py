@@ -159,11 +159,11 @@ def _answer_known(result: Load) -> Answer:
     unknown = [q.name for q in result.quantities if not q.told]
     count = len(result.quantities)
     tone = "amber" if unknown else "green"
-    text = sentence(about, "lost", names=listing(unknown, count)) if unknown else ""
+    holes: dict[str, Any] = {"found": count - len(unknown), "names": listing(unknown, count)}
+    text = sentence(about, "lost", count=count, **holes) if unknown else ""
     part = "centre" if all(q.told for q in centre) else "count"
     at = ", ".join(measured(q.value, q.sigma) for q in centre)
-    holes: dict[str, Any] = {"at": at, "body": result.body, "found": count - len(unknown)}
-    return answer(about, part, text, tone, count=count, **holes)
+    return answer(about, part, text, tone, at=at, body=result.body)
 
 
 def _answer_trust(result: Load) -> Answer:
