@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.estimation.verdict import Flag
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.rounding import measured, stated_text
 from identifiability.physical.cad_prior import mass_rows
@@ -53,6 +54,8 @@ class _ModelRows:
         each = zip(chosen.verdicts, chosen.recommended.tolist(), chosen.departures, strict=True)
         self.structure = result.structure
         self.known = {v.name: (v, used, why) for v, used, why in each}
+        missing = chosen.fit.alternatives
+        self.effects = dict(zip(self.known, missing.names if missing else (), strict=False))
 
     def have(self, kind: str) -> bool:
         """Return whether the model, or the unpruned one, has parameters of a kind."""
@@ -67,7 +70,10 @@ class _ModelRows:
         sigma = verdict.sigma_label
         part = "file" if verdict.nominal else "unstated"
         file = sentence("values", part, value=stated_text(verdict.nominal, sigma))
-        note = f"{verdict.word}; {file}"
+        effect = self.effects.get(name)
+        doubted = effect and Flag.IN_DOUBT in verdict.flags
+        word = sentence("values", "doubt", effect=effect) if doubted else verdict.word
+        note = f"{word}; {file}"
         more = sentence("values", "used", value=stated_text(used, sigma), why=why) if why else ""
         value = measured(verdict.value, sigma, verdict.unit)
         return Cell(value, verdict.value, note, verdict.look, more=more)

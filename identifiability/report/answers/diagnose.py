@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -309,9 +310,11 @@ def _state_effect(e: NamedEffect) -> str:
     """Return the name of an effect with its size and probability, then its alternatives."""
     first, *others = _likeliest(e)
     share = e.weight if others else 1.0
-    odds = logit(share * expit(e.odds))
-    sure = f" ({state_probability(odds)})" if np.isfinite(e.odds) else ""
-    return " or ".join([f"{first}{_state_size(e)}{sure}", *others])
+    shares = np.array([share, 1.0 - share])[: 1 + bool(others)]
+    sure = [state_probability(x) for x in logit(shares * expit(e.odds)) if np.isfinite(e.odds)]
+    named = [f"{first}{_state_size(e)}", *filter(None, [" or ".join(others)])]
+    each = zip_longest(named, sure)
+    return " or ".join(f"{name} ({odds})" if odds else name for name, odds in each)
 
 
 def name_place(name: str, place: str) -> str:
