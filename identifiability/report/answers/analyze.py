@@ -416,16 +416,16 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
 
 
 def _state_in_doubt(result: Laddered[Any]) -> str:
-    """Return how many values are in doubt, and the likeliest effects that may be missing."""
+    """Return how many values are in doubt, and the effect behind most of them."""
     chosen = result.chosen
     alternatives = chosen.fit.alternatives
     doubted = [k for k, v in enumerate(chosen.verdicts) if Flag.IN_DOUBT in v.flags]
     if alternatives is None or not doubted:
         return ""
     effects = Counter(filter(None, (alternatives.names[k] for k in doubted)))
-    names = [name for name, _ in effects.most_common(2)]
+    ((name, _),) = effects.most_common(1) or [("", 0)]
     size = len(chosen.verdicts)
-    return sentence("trust", "doubted", count=len(doubted), size=size, names=" or ".join(names))
+    return name and sentence("trust", "doubted", count=len(doubted), size=size, name=name)
 
 
 def _state_measurement(result: Laddered[Any]) -> str:

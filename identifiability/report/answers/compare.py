@@ -73,9 +73,11 @@ class ComparisonPresenter(AnsweringPresenter):
             export = export_line(result.robot, "analyze.json")
             fit = self._fit_line((*result.before, *result.after))
             return [command("export", f"{fit} && identifiability {export}")]
-        loads = [c.place for c in result.changes if c.kind == "load"]
-        if loads:
-            logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
+        loads = [x for c in result.changes for x in (c, *c.alternatives) if x.kind == "load"]
+        bodies = [x.place for x in loads if x.place in result.robot.bodies]
+        if bodies:
+            logs = name_logs(result.robot, result.after)
+            body = option_for_shell("--body", bodies[0])
             without = "".join(f" --without {path_for_shell(path)}" for path in result.before)
             weigh = f"payload {self.robot} analyze.json {logs} {body}{without} --report load.html"
             fit = self._fit_line(result.before)
@@ -300,9 +302,9 @@ def _answer_cause(result: Comparison) -> tuple[Answer, ...]:
     parts += [sentence("comparison.next", c.kind, what=c.what) for c in unsure]
     if not parts:
         return ()
-    return (
-        answer("comparison.cause", "causes", "", "amber", causes=" ".join(dict.fromkeys(parts))),
-    )
+    question = "" if frictions else sentence("comparison.cause", "next")
+    causes = " ".join(dict.fromkeys(parts))
+    return (answer("comparison.cause", "causes", "", "amber", question=question, causes=causes),)
 
 
 def _state_cause(change: Change, result: Comparison) -> str:

@@ -36,6 +36,7 @@ from .common import (
     after_mass,
     answer,
     command,
+    join_sentences,
     sentence,
     state_contradicted,
     torque_noise,
@@ -279,10 +280,12 @@ def _answer_missing(d: Diagnosis) -> Answer:
     odds = max(of_effects + of_changes, default=0.0)
     unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
     weak = unsure or not (d.included or d.problem.left_out)
+    text = _state_search(d)
     if named and weak:
-        short = sentence(about, "weak", names=short)
+        text = join_sentences(sentence(about, "likeliest", names=short), text)
+        short = sentence(about, "weak")
     tone = "grey" if weak else "vermilion"
-    return Answer(sentence(about, "question"), short, _state_search(d), tone)
+    return Answer(sentence(about, "question"), short, text, tone)
 
 
 def _state_search(d: Diagnosis) -> str:

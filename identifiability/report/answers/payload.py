@@ -145,10 +145,10 @@ def _state_readings(result: Load) -> str:
     """Return how sure the torque constants are, and the standard error if they are right."""
     scale, raw = result.scale, result.as_measured[0]
     error = format_measured(raw.value, raw.sigma)[1]
-    if np.isnan(scale.ratio):
+    low, high = scale.ratio_interval
+    if not high < 2 * low:  # the file's masses hardly check the constants
         return sentence("payload.scale", "prior", percent=100.0 * scale.sd, error=error)
     part = "contradicts" if scale.contradicts else "agrees"
-    low, high = scale.ratio_interval
     return sentence("payload.scale", part, ratio=scale.ratio, low=low, high=high, error=error)
 
 
@@ -161,9 +161,11 @@ def _answer_known(result: Load) -> Answer:
     tone = "amber" if unknown else "green"
     holes: dict[str, Any] = {"found": count - len(unknown), "names": listing(unknown, count)}
     text = sentence(about, "lost", count=count, **holes) if unknown else ""
-    part = "centre" if all(q.told for q in centre) else "count"
-    at = ", ".join(measured(q.value, q.sigma) for q in centre)
-    return answer(about, part, text, tone, at=at, body=result.body)
+    told = [q for q in centre if q.told]
+    part = {0: "open", len(centre): "centre"}.get(len(told), "some")
+    at = ", ".join(measured(q.value, q.sigma) for q in told)
+    names = [q.name for q in told]
+    return answer(about, part, text, tone, at=at, names=names, body=result.body)
 
 
 def _answer_trust(result: Load) -> Answer:
