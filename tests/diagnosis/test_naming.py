@@ -53,8 +53,11 @@ def test_what_one_joint_has_is_no_tilted_base_and_no_forces(
     assert named(diagnosis_of(robot, hidden, effects=few)) == expected
 
 
-def test_effects_of_two_joints_are_no_function_of_all_joints(diagnosis_of, named):
-    hidden = "torque_offset@shoulder=0.1", "gravity_spring@elbow=0.05"
+def test_effects_of_two_joints_are_no_function_of_all_joints_and_the_larger_is_first(
+    diagnosis_of, named
+):
+    """The spring has nine times the log odds, and two fifths of the torque."""
+    hidden = "torque_offset@shoulder=0.05", "gravity_spring@elbow=0.1"
     few = ("torque_offset", "gravity_spring", "position_torque")
     d = diagnosis_of("two-link", *hidden, effects=few)
     assert named(d) == [("torque_offset", ("shoulder",)), ("gravity_spring", ("elbow",))]

@@ -234,7 +234,7 @@ class Diagnosis(Result, Predicts):
     problem : Problem
         The diagnosed model and its logs.
     effects : tuple of NamedEffect
-        In order of addition; empty when nothing can be named.
+        The one of most torque is first; empty when nothing can be named.
     curves : tuple of Curve
         One for each named effect and place.
     gap : Prediction

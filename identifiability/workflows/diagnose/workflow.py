@@ -7,11 +7,10 @@ the fitted logs prefer.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -785,22 +784,22 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         return conclude(without_parts(naming, harmful), rng)
     problem = naming.problem
     parts = naming.parts
-    counts = Counter(p.candidate.family.name for p in parts)  # families stand together
-    ends = np.cumsum([0, *counts.values()]).tolist()
+    placed = _place_families(naming)
+    order = [k for own in placed for k in own]
+    ends = np.cumsum([len(own) for own in placed]).tolist()
     plain = _recommend_plain(naming)
     plain_fit = naming.of(problem.plain)
-    later_fits = (naming.fit(range(n)) for n in ends[1:])
+    later_fits = (naming.fit(order[:n]) for n in ends)
     fits = [plain_fit @ plain.base, *later_fits]
     residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
     found = verify_effects(naming, fits, plain)
     if 0 < found.included < len(parts):
         return conclude(without_parts(naming, range(found.included, len(parts))), rng)
-    placed = [_place(naming, k) for k in range(len(parts))]
-    curves = tuple(_curve(naming, residual, k, p) for k, p in enumerate(placed))
+    curves = tuple(_curve(naming, residual, k, p) for own in placed for k, p in own.items())
     discrepancies = find_discrepancies(naming.fitted, residual, problem.robot.joints)
     return Diagnosis(
         problem=problem,
-        effects=_list_effects(naming, ends, placed, found.gap, rng),
+        effects=_list_effects(naming, placed, found.gap, rng),
         curves=curves,
         refuted=_list_odds(naming.refuted),
         possible=_list_odds(naming.possible),
@@ -812,10 +811,20 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     )
 
 
+def _place_families(naming: Naming) -> list[dict[int, Placement]]:
+    """Return the placements of each named family by their part, the family of most torque first.
+
+    Of families with equal torque the surest is the first, as it was found.
+    """
+    families = defaultdict[str, dict[int, Placement]](dict)
+    for k, part in enumerate(naming.parts):
+        families[part.candidate.family.name][k] = _place(naming, k)
+    return sorted(families.values(), key=lambda own: -max(p.rms for p in own.values()))
+
+
 def _list_effects(
     naming: Naming,
-    ends: Sequence[int],
-    placed: Sequence[Placement],
+    placed: Sequence[dict[int, Placement]],
     gap: Prediction,
     rng: np.random.Generator,
 ) -> tuple[NamedEffect, ...]:
@@ -823,13 +832,13 @@ def _list_effects(
     robot = naming.problem.robot
     errors = gap.relative_error()
     effects = list[NamedEffect]()
-    for at, (first, last) in enumerate(pairwise(ends)):
-        own = naming.parts[first:last]
+    for at, parts in enumerate(placed):
+        own = [naming.parts[k] for k in parts]
         family = own[0].candidate.family
         near = [title_of(t.group.family) for p in own for t in p.nearest]
         after = float(errors[at + 1])
         everywhere = 1 < len(family.places(robot)) == len(own)
-        placements = tuple(placed[first:last])
+        placements = tuple(parts.values())
         nearest = tuple(dict.fromkeys(near))
         effects.append(
             NamedEffect(
