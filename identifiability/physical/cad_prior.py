@@ -335,9 +335,9 @@ def draw_bodies(structure: Structure) -> tuple[Array, str]:
     least, size = (float(mass.min()), float(np.median(length))) if sound else (1.0, 0.1)
     replaced = [stem for stem in bodies if stem not in loads and stem not in sound]
     for stem in replaced:
-        phi[at[stem]] = _ball(phi[at[stem]], least, size)
+        phi[at[stem]] = ball(phi[at[stem]], least, size)
     for stem, carrier in loads.items():
-        phi[at[stem]] = phi[at[carrier]] if carrier in at else _ball(np.zeros(10), least, size)
+        phi[at[stem]] = phi[at[carrier]] if carrier in at else ball(np.zeros(10), least, size)
     phi.flags.writeable = False
     if not replaced:
         return phi, ""
@@ -356,7 +356,7 @@ def _exists(theta: Array) -> bool:
     return True
 
 
-def _ball(theta: Array, mass: float, length: float) -> Array:
+def ball(theta: Array, mass: float, length: float) -> Array:
     """Return a ball (10,) with the mass and centre of a body if it has a mass."""
     own = float(theta[9]) > 0
     mass, centre = (float(theta[9]), theta[6:9] / theta[9]) if own else (mass, np.zeros(3))

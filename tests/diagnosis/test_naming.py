@@ -57,9 +57,12 @@ def test_effects_of_two_joints_are_no_function_of_all_joints_and_the_larger_is_f
     diagnosis_of, named
 ):
     """The spring has nine times the log odds, and two fifths of the torque."""
-    hidden = "torque_offset@shoulder=0.05", "gravity_spring@elbow=0.1"
-    few = ("torque_offset", "gravity_spring", "position_torque")
-    d = diagnosis_of("two-link", *hidden, effects=few)
+    d = diagnosis_of(
+        "two-link",
+        "torque_offset@shoulder=0.05",
+        "gravity_spring@elbow=0.1",
+        effects=("torque_offset", "gravity_spring", "position_torque"),
+    )
     assert named(d) == [("torque_offset", ("shoulder",)), ("gravity_spring", ("elbow",))]
 
 

@@ -33,7 +33,6 @@ from identifiability.foundation.rounding import (
     stated_text,
 )
 from identifiability.physical.cad_prior import find_rises
-from identifiability.robot.robot import last_bodies
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
 from identifiability.workflows.provenance import given_paths
@@ -154,8 +153,7 @@ class LadderedPresenter(PredictingPresenter):
         stated = [np.nan if x is None else x for x in stated_values(result, result.full)]
         values = np.array([v.value for v in verdicts])
         known = values, np.array(stated), np.array(judged)
-        last = last_bodies(result.robot)
-        contradicted = state_contradicted(result.base, result.full.submodel, *known, last)
+        contradicted = state_contradicted(result.fit, result.full.submodel, *known)
         return (*super().warnings(), *contradicted)
 
     def errors(self) -> tuple[float, Array, Array]:

@@ -19,13 +19,16 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Note
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, Level, fill, phrase
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.rounding import format_number, stated_text
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import BaseParameters
+from identifiability.robot.robot import last_bodies
+from identifiability.workflows.predict import Fit
+from identifiability.workflows.wrong_bodies import WrongBodies, find_wrong_bodies
 
 from .commands import source_name
 from .python_lines import lines_in_memory
@@ -367,28 +370,25 @@ def answer_trust(
 
 
 def state_contradicted(
-    base: BaseParameters,
-    submodel: Submodel,
-    values: Array,
-    stated: Array,
-    sigma: Array,
-    last: Strings,
+    fit: Fit, submodel: Submodel, values: Array, stated: Array, sigma: Array
 ) -> list[Finding]:
     """Return the bodies of the robot file that the logs contradict, the surest first.
 
-    Only combinations of masses, moments and inertias of bodies count: files rarely state rotors
-    and friction. A difference within the error of an identifiable parameter is left out.
+    If no body stands out, combinations of masses, moments and inertias are stated: files rarely
+    state rotors and friction. A difference within the error of an identifiable parameter is left
+    out.
 
     Parameters
     ----------
-    base : BaseParameters
+    fit : Fit
+        Under the unpruned model.
     submodel : Submodel
         Its k parameters over the base parameters.
     values, stated, sigma : (k,)
         By the logs, by the file, and the standard error of the first; nan where unknown.
-    last : tuple of str
-        Bodies at the ends of chains, which may carry a tool.
     """
+    base = fit.structure.base
+    wrong = find_wrong_bodies(fit)
     off = np.abs(values - stated)
     size = np.maximum(np.abs(values), np.abs(stated))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -396,7 +396,7 @@ def state_contradicted(
     # From percent.
     matters = off > Thresholds().sigma_percent / 100 * size
     far = _of_bodies(base, submodel) & matters & (sigmas > RULES.contradicted)
-    each = list[str]()
+    each = [_state_wrong_bodies(wrong)] if wrong.hypotheses else []
     for k in np.argsort(-sigmas).tolist():
         if far[k]:
             told = (stated_text(float(x[k]), float(sigma[k])) for x in (stated, values))
@@ -412,41 +412,23 @@ def state_contradicted(
             each.append(f"{name} = {file} {unit} in the file, {logs} by the logs ({times})")
     if not each:
         return []
-    effects = np.linalg.lstsq(submodel.M, base.G, rcond=None)[0][far] / sigma[far, None]
-    bodies = _find_wrong_bodies(base, last, effects, (values - stated)[far] / sigma[far])
-    tool = next((body for body in bodies if body in last), "")
-    part = "tool" if len(bodies) == 1 else "mass"
-    advice = phrase("contradicted", part, bodies=bodies, body=tool) if tool else "Correct"
+    advice = "Correct"
+    heavier = wrong.hypotheses[0][0] if wrong.change > 0 else ""
+    if heavier in last_bodies(fit.robot):
+        advice = phrase("contradicted", "tool", body=heavier)
     return [Finding("contradicted", values=each, advice=advice)]
 
 
-def _find_wrong_bodies(
-    base: BaseParameters, last: Strings, effects: Array, change: Array
-) -> list[str]:
-    """Return the bodies each of which explains a contradiction; the last ones by a larger mass.
-
-    Parameters
-    ----------
-    base : BaseParameters
-        Of p standard parameters.
-    last : tuple of str
-        Bodies at the ends of chains.
-    effects : (c, p)
-        Changes of the contradicted parameters by each standard parameter.
-    change : (c,)
-        Differences between logs and file, in standard errors.
-    """
-    misfits = {}
-    possible = set()
-    for body in dict.fromkeys(p.owner for p in base.parameters if p.kind == "m"):
-        kinds = {k: p.kind for k, p in enumerate(base.parameters) if p.owner == body}
-        rows = effects[:, [*kinds]]
-        added = np.linalg.lstsq(rows, change, rcond=None)[0]
-        misfits[body] = float(np.linalg.norm(change - rows @ added))
-        if body not in last or added[[*kinds.values()].index("m")] > 0:
-            possible.add(body)
-    most = min(misfits.values()) + RULES.contradicted
-    return [body for body, misfit in misfits.items() if misfit < most and body in possible]
+def _state_wrong_bodies(wrong: WrongBodies) -> str:
+    """Return which body has wrong values, and by how much its mass is wrong."""
+    first = wrong.hypotheses[0][0]
+    names = list[str]()
+    for body, scaled in wrong.hypotheses:
+        part = "other" if body else "constants"
+        if scaled and body == first:
+            part = "heavier" if wrong.change > 0 else "lighter"
+        names.append(phrase("contradicted", part, body=body, share=abs(wrong.change), sd=wrong.sd))
+    return " or ".join(dict.fromkeys(names))
 
 
 def _of_bodies(base: BaseParameters, submodel: Submodel) -> Array:

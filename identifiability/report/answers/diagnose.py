@@ -23,7 +23,6 @@ from identifiability.foundation.rounding import join, measured, state_probabilit
 from identifiability.physical.cad_prior import find_rises
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
-from identifiability.robot.robot import last_bodies
 from identifiability.workflows.diagnose.result import logs_disagree
 from identifiability.workflows.provenance import given_paths
 
@@ -135,9 +134,7 @@ class DiagnosisPresenter(PredictingPresenter):
         unknown = np.abs(fit.base_unknown).max(1, initial=0.0) > ROUNDOFF
         sigma = np.where(unknown, np.inf, sigma)
         stated = result.completed.nominal_base
-        known = fit.base, stated, sigma
-        last = last_bodies(result.robot)
-        return (*seen, *state_contradicted(base, full_model(base), *known, last))
+        return (*seen, *state_contradicted(fit, full_model(base), fit.base, stated, sigma))
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""

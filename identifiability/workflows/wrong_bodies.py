@@ -1,0 +1,117 @@
+"""`find_wrong_bodies`: the body of the robot file whose values the logs contradict.
+
+All values of a file err by a share that its fit tells. A wrong body errs by more. Each body is two
+hypotheses: any of its ten values is wrong, or only its mass and its inertia about its centre are.
+Wrong torque constants compete with them.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from scipy.linalg import null_space, solve_triangular
+from scipy.special import logsumexp
+
+from identifiability.estimation.gaussian import Normal
+from identifiability.estimation.rules import RULES
+from identifiability.foundation.linalg import ROUNDOFF, or_one
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.physical.cad_prior import ball
+from identifiability.physical.pseudo_inertia import entry_scale, natural_scale
+from identifiability.regression.structure import Structure
+
+from .predict import Fit
+from .torque_scale import FILE_ERRORS, LOG_PRIOR
+
+#: A body and whether only its mass and inertia are wrong; no body of wrong torque constants.
+Hypothesis = tuple[str, bool]
+CONSTANTS: Hypothesis = ("", False)
+
+
+@frozen
+class WrongBodies:
+    """Hypotheses of which one holds, the likeliest first; none if no body stands out.
+
+    Attributes
+    ----------
+    hypotheses : tuple of (str, bool)
+    change, sd : float
+        Mass of the first body relative to the file's, minus one, with its standard error.
+    """
+
+    hypotheses: tuple[Hypothesis, ...] = ()
+    change: float = 0.0
+    sd: float = np.inf
+
+
+def find_wrong_bodies(fit: Fit) -> WrongBodies:
+    """Return which body of the robot file has wrong values; none if no body surely has."""
+    structure = fit.structure
+    values, covariance = fit.of_labels
+    unit = or_one(np.sqrt(np.diag(covariance)))
+    others = np.delete(structure.G, structure.inertial.ravel(), axis=1)
+    unknown = np.column_stack([others, fit.base_unknown]) / unit[:, None]
+    towards = null_space((unknown / or_one(np.linalg.norm(unknown, axis=0))).T).T / unit
+    stated = towards @ structure.nominal_base
+    off = towards @ values - stated
+    seen = _list_errors(structure, towards @ structure.G)
+    if not (len(off) and seen):
+        return WrongBodies()
+    errors = sum(x @ x.T for (_, scaled), x in seen.items() if not scaled)
+    noise = towards @ covariance @ towards.T + ROUNDOFF * np.eye(len(off))
+    roots = [np.linalg.cholesky(noise + share**2 * errors) for share in FILE_ERRORS]
+    weigh = partial(_weigh, off, roots, stated[:, None])
+    evidence = {key: _weigh(off, roots, x, FILE_ERRORS) for key, x in seen.items()}
+    evidence[CONSTANTS] = weigh(np.array([RULES.constants_within]))
+    odds = {key: logsumexp(x) - logsumexp(weigh(np.zeros(1))) for key, x in evidence.items()}
+    best, *rest = sorted(odds, key=lambda key: -odds[key])
+    if best == CONSTANTS or odds[best] < np.log(len(odds)) + RULES.name + RULES.keep:
+        return WrongBodies()
+    near = [key for key in rest if odds[key] > odds[best] - RULES.rival]
+    root = roots[int(evidence[best].argmax())]
+    scale, white = (solve_triangular(root, x, lower=True) for x in (seen[best[0], True], off))
+    mass = Normal.of(scale.T @ scale + np.eye(2) / FILE_ERRORS[-1] ** 2, scale.T @ white)
+    return WrongBodies((best, *near), float(mass.value[0]), float(np.sqrt(mass.covariance[0, 0])))
+
+
+def _list_errors(structure: Structure, A: Array) -> dict[Hypothesis, Array]:
+    """Return what the errors of each body of the file change, (n, k), by those of values, (n, p).
+
+    The ten values err by their typical sizes, mass and inertia about the centre by themselves.
+    """
+    found = dict[Hypothesis, Array]()
+    for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
+        theta = structure.nominal[columns]
+        if theta[9] > 0:
+            body = stem.removesuffix(".")
+            point = ball(theta, 0.0, 0.0)
+            found[body, False] = A[:, columns] * entry_scale(*natural_scale(theta[None]))
+            found[body, True] = A[:, columns] @ np.column_stack([point, theta - point])
+    return found
+
+
+def _weigh(off: Array, roots: list[Array], shape: Array, sizes: Array) -> Array:
+    """Return the log evidence for errors of a shape, by each share of the file's errors.
+
+    Parameters
+    ----------
+    off : (n,)
+        Values by the logs minus those of the file.
+    roots : list of (n, n)
+        Lower factors of their covariance, one for each share.
+    shape : (n, k)
+    sizes : (s,)
+        That the errors of the shape may have.
+    """
+    found = []
+    for root, prior in zip(roots, LOG_PRIOR, strict=True):
+        white = solve_triangular(root, np.column_stack([shape, off]), lower=True)
+        axes, lengths, _ = np.linalg.svd(white[:, :-1], full_matrices=False)
+        grown = 1.0 + np.outer(sizes, lengths) ** 2
+        explained = (white[:, -1] @ axes) ** 2 * (1.0 - 1.0 / grown) - np.log(grown)
+        plain = white[:, -1] @ white[:, -1] + 2 * np.sum(np.log(np.diag(root)))
+        each = 0.5 * (explained.sum(axis=1) - plain)
+        found.append(prior + logsumexp(each) - np.log(len(sizes)))
+    return np.array(found)
