@@ -282,6 +282,17 @@ def test_commands_that_act_later_by_less_than_a_step_move_a_robot_later_by_that(
     assert np.sqrt(np.mean(apart**2)) < 0.01 * np.sqrt(np.mean((3e-4 * slope[rows]) ** 2))
 
 
+def test_a_lock_leaves_the_friction_of_the_other_joints_as_it_is(tmp_path, frames):
+    path = tmp_path / "a.xml"
+    path.write_text(STIFF)
+    locked = Robot.load(path, lock={"x": 0.0})
+    free = tmp_path / "b.xml"
+    free.write_text(re.sub(r'<(position )?joint[^>]*"x"[^>]*>', "", STIFF))
+    frame = frames[1].rename(columns=lambda name: name.replace("elbow", "b"))
+    rolled = [CommandedRobot(r, {}).roll(read(r, frame)) for r in (locked, Robot.load(free))]
+    assert_allclose(*rolled, atol=1e-9)
+
+
 def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames):
     logs = [read(arm, f) for f in frames]
     found = fit_rollouts(arm, logs[:1], {})

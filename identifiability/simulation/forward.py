@@ -297,7 +297,12 @@ class ForwardRobot:
             model.jnt_stiffness[joint.id] = numbers["stiffness"]
             model.qpos_spring[joint.qposadr[0]] = self._rest(name)
         # Rotor inertia that holds a locked joint where it is [kg·m² or kg].
-        model.dof_armature[self._kinematics.locked] = 1e9
+        holding = 1e9
+        locked = self._kinematics.locked
+        model.dof_armature[locked] = holding
+        if len(locked):
+            # MuJoCo solves friction to a share of the mean inertia, which is that of the lock here.
+            model.opt.tolerance /= holding
         # Constraints are as hard as the inertia behind them, rotors along tendons included.
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
