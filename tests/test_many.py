@@ -68,7 +68,7 @@ def test_one_row_a_robot_and_a_page_each(asked):
         assert (row["model"], row["warnings"]) == (own["selected"], own["hints"])
         assert (row["logs"], row["held"]) == (["run1.csv"], ["run2.csv"])
         assert 0.01 < row["error_unseen"] < 0.2
-    assert rows["c"]["failed"].endswith("has no logs; put CSV or Parquet files or bags into it.")
+    assert rows["c"]["failed"].endswith("or logs of another known format into it.")
     links = re.findall(r'<a href="(robots/[^"]*)"', (out / "index.html").read_text())
     assert links == ["robots/a.html", "robots/b.html"]
     assert all((out / link).stat().st_size > 100_000 for link in links)

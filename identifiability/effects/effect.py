@@ -274,6 +274,12 @@ class AlongAxes(Effect):
             at = Along(robot, motion, axis)
             load = at.load
             for force in self.curves(at):
+                if np.shape(force) != motion.t.shape:
+                    raise ModelError(
+                        f"curves() of the effect '{self.name}' gives a curve of shape "
+                        f"{np.shape(force)}; return a list of curves, one for each entry of units, "
+                        f"each with a number for each sample, here of shape {motion.t.shape}."
+                    )
                 yield load, force
 
 

@@ -397,7 +397,8 @@ def _state_home(robot: Description, extra: Sidecar) -> Array:
 def _refuse_loose(robot: Description, count: int) -> NoReturn:
     """Refuse passive joints that no equation determines, and state the remedy."""
     wide = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
-    single = [name for name in robot.passive if name in robot.tree.single]
+    following = {coupling.joint for coupling in robot.couplings}
+    single = [n for n in robot.passive if n in robot.tree.single and n not in following]
     advice = ""
     pulled = [c.along for c in robot.cables if c.along is not None]
     for along in (c for c in pulled if len(c.terms) > 1 and {*c.terms} <= {*robot.passive}):
@@ -417,7 +418,7 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
         f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
         f"and the loops give only {count} independent equations; name the missing actuated joints "
         "(<actuator> in MJCF, 'actuated' in the sidecar), add the closures, or choose a home "
-        "position away from singularities. What swings freely, as a pendulum does, is not served."
+        "position away from singularities. A joint without a motor must be locked or follow others."
         f"{advice}"
     )
 

@@ -44,8 +44,8 @@ MEANT = {
     "a joint that swings freely": (
         "two-link",
         ('<motor name="elbow_motor" joint="elbow"/>', ""),
-        r"1 joints have no actuator \(elbow\) and .*; name .* What swings freely, "
-        "as a pendulum does, is not served",
+        r"1 joints have no actuator \(elbow\) and .*; name .* A joint without a "
+        "motor must be locked or follow others",
     ),
     "coupling of driven joints": (
         "two-link",
