@@ -253,8 +253,10 @@ def _state_runs(result: PositionPrediction) -> str:
     about = "rollout.errors"
     each = []
     for run, total in zip(result.runs, result.totals, strict=True):
-        part = "error" if np.isfinite(total) else "diverges"
-        error = sentence(about, part, size=_state_size(result, run.errors))
+        late = 1e3 * float(np.median(run.delays))
+        part = "late" if late else "error"
+        part = part if np.isfinite(total) else "diverges"
+        error = sentence(about, part, size=_state_size(result, run.errors), late=late)
         each.append(f"{run.name} {error}")
     return ", ".join(each[::-1])
 
