@@ -598,7 +598,7 @@ CONDITIONS = {
         10, "", case=Commanded("hobby-arm", HOBBY, EPISODES, folder=True)
     ),
     "hobby arm, commands between rows": Condition(
-        10, "before their rows", case=Commanded("hobby-arm", BETWEEN_ROWS, EPISODES, folder=True)
+        10, "", case=Commanded("hobby-arm", BETWEEN_ROWS, EPISODES, folder=True)
     ),
     "hobby arm, kp = fit": Condition(
         10, "", case=Commanded("hobby-arm", HOBBY, EPISODES, 0.0, folder=True)

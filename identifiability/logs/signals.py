@@ -47,9 +47,12 @@ def held_since(t: Array, changes: Array) -> Array:
     dt = sampling_step(t)
     apart = np.diff(t[rows])
     uneven = 2 * float(np.quantile(np.abs(np.diff(t) - dt), 0.99)) + ROUNDOFF
-    usual = apart[apart <= 2 * np.median(apart)].mean()  # others are of several values
+    # A row sees a value late by up to a row, so two successive values may seem far apart.
+    usual = apart[apart <= np.median(apart) + dt + uneven].mean()
     for _ in range(3):  # with lost values the usual step is too long to count those of a long pause
-        number = np.concatenate([[0.0], np.cumsum(np.rint(apart / usual))])
+        is_next = apart <= usual + dt + uneven
+        counts = np.where(is_next, 1.0, np.rint(apart / usual))
+        number = np.append(0.0, np.cumsum(counts))
         usual, first = np.polyfit(number, t[rows], 1)
     behind = t[rows] - usual * number - first
     behind -= behind.min()
