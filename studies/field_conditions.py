@@ -618,8 +618,8 @@ CONDITIONS = {
     "hobby arm, integral gains not stated": Condition(
         10, "integral gain", case=Commanded("hobby-arm", HOBBY, EPISODES, integral=1.0)
     ),
-    "kp stated 48 % too high": Condition(
-        10, r"\bkp\b|gain", case=Commanded("two-link", QUADRUPED, (15.0,), 1.48)
+    "kp stated 60 % too high": Condition(
+        10, r"\bkp\b|gain", case=Commanded("two-link", QUADRUPED, (15.0,), 1.6)
     ),
     "kp of a joint stated 30 % too high": Condition(
         10,
