@@ -274,7 +274,7 @@ class MixedModel:
     def target(self) -> Array:
         """Products of all columns with the torque, (m,)."""
         p = self.products
-        return p.between(np.arange(p.size), np.array(p.size)) / self.scale
+        return p.between(np.arange(p.size)[:, None], np.array([p.size]))[:, 0] / self.scale
 
     @cached_property
     def plain(self) -> Solution:
@@ -306,7 +306,7 @@ class MixedModel:
         """Return the columns of the fixed model and some terms."""
         term_columns = (t.columns for t in terms)
         fixed_columns = [np.arange(self.fixed), *term_columns]
-        return np.concatenate(fixed_columns).astype(int)
+        return np.concatenate(fixed_columns)
 
     def _solve(self, terms: Terms, columns: np.ndarray, P: Array, target: Array) -> Solution:
         """Return the solution of products of columns (c, c) among themselves and with the torque.

@@ -443,7 +443,7 @@ class Information:
         for own in self._products:
             if some.ndim == 2:
                 rows = np.flatnonzero(own.acts(some[:, 0]))
-                by = np.flatnonzero(own.acts(others))
+                by = np.flatnonzero(own.acts(others)) if len(rows) else rows
                 out[np.ix_(rows, by)] += own.outer(some[rows, 0], others[by])
             else:
                 out += own.pairs(some, others)
