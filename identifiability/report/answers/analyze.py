@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects.base import apply_tilt
-from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_file
 from identifiability.estimation.combinations import find_combinations
 from identifiability.estimation.prediction import loaded_joints
 from identifiability.estimation.rules import RULES, Thresholds
@@ -96,8 +95,7 @@ class LadderedPresenter(PredictingPresenter):
         use = replace(use, short=short, text=cause or use.text)
         more = ""
         if not result.nothing:
-            parts = _state_own_means(result), _state_left_out(result), _state_file_error(result)
-            more = join_sentences(*parts)
+            more = join_sentences(_state_own_means(result), _state_left_out(result))
         measured_on = sentence("laddered.measured", kind=result.validation_kind)
         error = self.answer_error(measured_on, more, raw=result.left_out["raw"])
         if result.moved is not None:
@@ -377,25 +375,6 @@ def _state_cause(result: Laddered[Any]) -> str:
     cause, part = largest.most_common(1)[0]
     share = sentence("analysis.causes", "part", part=part, count=len(chosen.submodel))
     return sentence("analysis.causes", cause, share=share)
-
-
-def _state_file_error(result: Laddered[Any]) -> str:
-    """Return the error of a plain robot file in a simulator, and the effects that it lacks."""
-    robot = result.robot
-    real = result.real_robot
-    error = result.chosen.error_ra_validation
-    alone = real["error_ra_validation_files"]
-    given = real["parameters"]
-    kind = file_kinds(robot)[0]
-    if not np.isfinite(alone[kind]):
-        return ""
-    held = values_in_file(robot, given, kind)
-    titles = by_effect(robot, (n for n in given if given[n] != held[n]), real["shapes"])
-    text = sentence("decision.left", "file", kind=kind.upper(), error=alone[kind])
-    if titles and alone[kind] > (1 + VISIBLE) * error:
-        names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
-        text += sentence("decision.left", "lacks", names=names)
-    return f"{text}."
 
 
 def answer_doubt(result: Laddered[Any]) -> Answer:
