@@ -277,10 +277,10 @@ def test_a_case_has_its_own_logs(two_logs):
             call()
 
 
-def test_a_case_is_no_log(two_logs):
+def test_a_case_and_bare_numbers_are_no_log(two_logs):
     robot, logs = two_logs
-    case = Case(robot, logs)
-    with pytest.raises(IdentifiabilityError, match="not a Case"):
-        compare(robot, logs[0], case)
-    with pytest.raises(IdentifiabilityError, match="not a Case"):
-        predict(robot, analyze(case), case)
+    for what, log in {"a Case": Case(robot, logs), "an array": np.eye(9)}.items():
+        with pytest.raises(IdentifiabilityError, match=f"not {what}"):
+            compare(robot, logs[0], log)
+        with pytest.raises(IdentifiabilityError, match=f"not {what}"):
+            predict(robot, analyze(robot, logs), log)

@@ -264,7 +264,7 @@ def _shown(value: Any) -> str:
     # A sentence quotes only short values.
     if 0 < len(text) <= 60:
         return text
-    return with_article(type(value).__name__)
+    return with_article(type(value).__name__.removeprefix("nd"))
 
 
 def resolve_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:
