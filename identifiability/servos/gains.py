@@ -98,7 +98,7 @@ def state_gains(
     """
     assert robot.servo is not None
     asked = robot.servo
-    servo = robot.servo.having(found.numbers)
+    servo = asked.having(found.numbers)
     kv_sd, log_kp_sd = np.split(np.sqrt(np.diag(found.covariance)), 2)
     problem = found.search[0]
     moves = problem.moves.any(0)

@@ -83,10 +83,9 @@ def restart_joints(problem: RolloutProblem, x: Array, joints: np.ndarray) -> Arr
     shares = np.array([problem.missed(problem.roll([one], COARSE * STEP)[0]) for one in tried])
     best = shares.argmin(0)
     for joint in np.flatnonzero(joints):
-        of_joint = np.arange(problem.over.size) % len(joints) == joint
+        of_joint = np.flatnonzero(np.arange(problem.over.size) % len(joints) == joint)
         x = x.copy()
-        best_numbers = tried[best[joint]][: problem.over.size]
-        x[: problem.over.size][of_joint] = best_numbers[of_joint]
+        x[of_joint] = tried[best[joint]][of_joint]
     return x
 
 
@@ -167,7 +166,7 @@ def balance_torque(
         "off": offsets,
         "kp": gains,
     }
-    return balanced, bool(unknown.any() and not (told.any() or not unknown.all()))
+    return balanced, bool(unknown.all() and not told.any())
 
 
 def _balance_rows(machine: CommandedRobot, window: Window, delay: float) -> tuple[Array, ...]:
