@@ -246,23 +246,6 @@ class Missing:
         """Noise of each joint, with all candidates in the model that would hide in it."""
         return self.given or tuple(map(self.noise_of, range(self.seen.y.shape[1])))
 
-    def with_errors(self, shared: Sequence[Regression]) -> Missing:
-        """Return a copy whose model has the change of torque by errors of one σ, with that prior.
-
-        The torque of each regression has one of these errors.
-        """
-        seen = self.seen
-        changes = [Excerpt.of(other).y - seen.y for other in shared]
-        X = np.concatenate([seen.X, np.stack(changes, axis=2)], axis=2)
-        prior = np.eye(X.shape[2])[self.fixed :]
-        return replace(self, seen=replace(seen, X=X), root=prior)
-
-    def extend(self, unseen: Regression) -> Excerpt:
-        """Return other rows with all columns; errors of the fitted logs do not act there."""
-        rows = Excerpt.of(unseen)
-        further = self.fixed - rows.X.shape[2]
-        return replace(rows, X=np.pad(rows.X, [(0, 0), (0, 0), (0, further)]))
-
     def beside(self, named: Sequence[Term]) -> Missing:
         """Return a copy whose noise is measured with the named terms, or near rivals, in the model.
 
@@ -723,22 +706,16 @@ def find_missing(
     structure: Structure,
     regression: Regression,
     unseen: Regression | None = None,
-    shared: Sequence[Regression] = (),
     *,
     commanded: bool = False,
 ) -> MissingEffects:
     """Return the effects that a model with all columns of a regression may lack.
-
-    Each of the shared regressions has torque with one error of one standard deviation, as of a
-    delay. What such errors explain is no missing effect.
 
     Rows that were held out may only take a name away: these are the last log, or the last part of
     the only one, if no other rows were held out.
     """
     families = find_families(None, commanded=commanded)
     missing = Missing.of(regression, families, structure.present)
-    if shared:
-        missing = missing.with_errors(shared)
     if commanded or structure.robot.base is not None:
         missing = missing.between_reversals()
     if not len(missing.seen.y) or not missing.groups:
@@ -748,7 +725,7 @@ def find_missing(
         missing = missing.between_reversals()  # it may be that no record tells when friction turns
         model, terms = _search(missing)
     if terms and unseen is not None:
-        terms = model.confirm(terms, missing.products(missing.extend(unseen), among=terms))
+        terms = model.confirm(terms, missing.products(Excerpt.of(unseen), among=terms))
     elif terms:
         log = missing.seen.log
         count = len(log)
@@ -796,12 +773,9 @@ def _search(missing: Missing) -> tuple[MixedModel, Terms]:
     usual = tuple(g for g in every.groups if g.family != TorqueScale.name)
     model = replace(every, groups=usual)
     terms = model.search()
-    load = any(t.group.family in FUNCTIONS_OF_LOAD for t in terms)
+    load = any(t.group.family == "function_of_load" for t in terms)
     return (every, every.search()) if load else (model, terms)
 
-
-#: Functions that a wrong scale of the torque resembles.
-FUNCTIONS_OF_LOAD = ("function_of_load", "function_of_velocity_and_load")
 
 #: Families by which friction of a joint may be nonlinear without a name.
 NONLINEAR_FRICTION = (
@@ -838,9 +812,7 @@ def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> MissingEffec
     used = np.unique(np.concatenate([np.empty(0, int), *columns_each]))
     shares = [_share_of(model, used, *group) for group in groups]
     rows = []
-    of_errors = len(missing.root)
-    model_columns = missing.seen.X[:, :, : missing.fixed - of_errors]
-    for j, X in enumerate(model_columns.swapaxes(0, 1)):
+    for j, X in enumerate(missing.seen.X.swapaxes(0, 1)):
         columns = np.flatnonzero(X.any(0))
         at = (used - missing.fixed).tolist()
         random = [k for k, column in enumerate(at) if (j, column) in missing.entries]

@@ -14,7 +14,7 @@ interpretation of their columns. Verbs that take the same case share all stages:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -205,22 +205,7 @@ class Data(OfStructure):
     def missing(self) -> MissingEffects:
         """Effects that may be missing in the unpruned model."""
         commanded = bool(of_key(self.hints, "commands"))
-        shared = [self.structure.regression(samples) for samples in self.later]
-        return find_missing(
-            self.structure, self.regression, self.unseen, shared, commanded=commanded
-        )
-
-    @cached_property
-    def later(self) -> tuple[tuple[Dataset, ...], ...]:
-        """Samples of the fitted logs with each error that a log of commands may share."""
-        return tuple(map(self.measure_again, self.recordings.later))
-
-    def measure_again(self, logs: Mapping[int, Log]) -> tuple[Dataset, ...]:
-        """Return the samples with some fitted logs in another version, by their place."""
-        samples = list(self.samples)
-        for k, log in logs.items():
-            samples[k] = samples[k].again(prepare_log(self.robot, log, self.preparation))
-        return tuple(samples)
+        return find_missing(self.structure, self.regression, self.unseen, commanded=commanded)
 
     @cached_property
     def measured(self) -> MeasuredLogs:

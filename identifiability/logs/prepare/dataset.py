@@ -271,12 +271,6 @@ class Dataset:
         """Return whether it has so many rows that they stay on the disk."""
         return is_long(len(self.tau))
 
-    def again(self, other: Dataset) -> Dataset:
-        """Return motion and torque of another version of the log, if it keeps the same rows."""
-        if np.array_equal(other.motion.kept, self.motion.kept):
-            return replace(self, motion=other.motion, tau=other.tau)
-        return self
-
     def divided(self) -> list[Dataset]:
         """Return the parts to process one by one: stretches of a long log, or the whole log."""
         if not self.long:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,12 +11,14 @@ from identifiability.estimation.estimate import with_known
 from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Dataset
+from identifiability.logs import Log
+from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import noise_again
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.series import KINDS, measured_noise
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import Submodel
+from identifiability.robot import Robot
 from identifiability.workflows.case import Data, WeightedRows
 
 
@@ -62,13 +65,13 @@ class SharedErrors:
 
 def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
     """Return the changes of fitted values by delays, gains and noise of the motion."""
-    delayed = tuple(_gather_again(rows.data, samples) for samples in rows.data.later)
+    delayed = tuple(_gather_again(rows.data, logs) for logs in rows.data.recordings.later)
     others = {"delay": delayed} if delayed else {}
     if _motion_is_noisy(rows):
         fitted = enumerate(rows.data.recordings.fitted)
         rng = np.random.default_rng
         noisier = {k: noise_again(log, rng(0)) for k, log in fitted if not log.long}
-        others["bias"] = (_gather_again(rows.data, rows.data.measure_again(noisier)),)
+        others["bias"] = (_gather_again(rows.data, noisier),)
     return SharedErrors(rows.unweighted, others, rows.estimator)
 
 
@@ -97,7 +100,19 @@ def _motion_is_noisy(rows: WeightedRows) -> bool:
     return _has_loud_motion(rows.data) and not accounted
 
 
-def _gather_again(data: Data, samples: Sequence[Dataset]) -> Information:
-    """Return the information with other samples of the fitted logs."""
+def _gather_again(data: Data, logs: Mapping[int, Log]) -> Information:
+    """Return the information with some fitted logs in another version, by their place."""
+    samples = list(data.samples)
+    for k, log in logs.items():
+        samples[k] = measure_again(data.robot, log, samples[k], data.preparation)
     rows = gather_information(data.structure.regression(samples))
     return with_known(rows, data.structure.known)
+
+
+def measure_again(robot: Robot, log: Log, prepared: Dataset, how: Preparation) -> Dataset:
+    """Return motion and torque of another version of a log, if the same rows are kept."""
+    again = prepare_log(robot, log, how)
+    same = np.array_equal(again.motion.kept, prepared.motion.kept)
+    if same:
+        return replace(prepared, motion=again.motion, tau=again.tau)
+    return prepared

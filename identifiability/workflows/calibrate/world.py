@@ -32,7 +32,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
-from identifiability.logs.prepare import Dataset, Preparation, prepare_log
+from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.instruments import add_instrument, noise_again
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.fitted_model import FittedModel
@@ -46,6 +46,7 @@ from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.judge import decide_model
 from identifiability.workflows.analyze.result import ModelResult
+from identifiability.workflows.analyze.shared_errors import measure_again
 
 # Simulated experiments with known truth, fitted and judged; and their statistics.
 #
@@ -572,7 +573,7 @@ def sample_anew(
         logs,
         strict=True,
     )
-    found = [own.again(prepare_log(robot, log, how)) for log, (_, own, how) in pairs]
+    found = [measure_again(robot, log, own, how) for log, (_, own, how) in pairs]
     return [
         own
         if own.instrument is None
