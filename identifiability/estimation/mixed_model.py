@@ -304,9 +304,7 @@ class MixedModel:
 
     def _columns(self, terms: Terms) -> np.ndarray:
         """Return the columns of the fixed model and some terms."""
-        term_columns = (t.columns for t in terms)
-        fixed_columns = [np.arange(self.fixed), *term_columns]
-        return np.concatenate(fixed_columns)
+        return np.concatenate([np.arange(self.fixed), *(t.columns for t in terms)])
 
     def _solve(self, terms: Terms, columns: np.ndarray, P: Array, target: Array) -> Solution:
         """Return the solution of products of columns (c, c) among themselves and with the torque.
@@ -528,8 +526,7 @@ class MixedModel:
     def news(self, terms: Terms, unseen: Information) -> list[float]:
         """Return the gain of each term on unseen rows, given the others [nat]."""
         full = self.evidence(terms, unseen)
-        rest = (without(terms, k) for k in range(len(terms)))
-        return [full - self.evidence(other, unseen) for other in rest]
+        return [full - self.evidence(without(terms, k), unseen) for k in range(len(terms))]
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
         """Return the terms that unseen rows confirm, with their gains; the worst goes first.
