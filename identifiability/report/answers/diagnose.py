@@ -41,6 +41,7 @@ from .common import (
     torque_noise,
 )
 from .compare import table_changes
+from .predict import moves_worse
 from .tables import add_units, make_table, unit_cell
 
 if TYPE_CHECKING:
@@ -106,6 +107,8 @@ class DiagnosisPresenter(PredictingPresenter):
         with_model = partial(on_file, d, "model", "model.toml", f"{again} --out")
         out = []
         judge = f"analyze {self.robot} {logs}"
+        if d.moved is not None and moves_worse(d.moved):
+            return [command("keep", f"{judge} --json fitted.json --report report.html")]
         if d.included:
             line = with_model(partial("{} --ladder {} --report report.html".format, judge))
             out.append(command("judge", line))

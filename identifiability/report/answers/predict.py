@@ -242,10 +242,15 @@ class PositionPredictionPresenter(AnsweringPresenter):
     def warn(self, usual: Answer) -> Answer:
         """Return an answer behind the warning that the named effects make motion worse."""
         result = self.result
-        if not result.totals[-1] < result.totals[1]:
+        if not moves_worse(result):
             return usual
         short = phrase("predicted", "worse", told=result.told)
         return replace(usual, short=short, text=f"{usual.short} {usual.text}", tone="amber")
+
+
+def moves_worse(result: PositionPrediction) -> bool:
+    """Return whether the named effects make the motion of commands worse."""
+    return bool(result.totals[-1] < result.totals[1])
 
 
 def _state_runs(result: PositionPrediction) -> str:
