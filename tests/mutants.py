@@ -92,9 +92,19 @@ def find_mistakes(mutants, sources):
         if mutant.name in names:
             out.append(f"{mutant.name}: two mutants have this name")
         names.add(mutant.name)
-        gone = [t for t in mutant.tests if not (TESTS / t.partition("::")[0]).exists()]
+        gone = [t for t in mutant.tests if not is_there(t)]
         out += [f"{mutant.name}: there is no {t} in tests/" for t in gone]
     return out
+
+
+def is_there(test):
+    """Return whether there is a folder, a file or a test of this name below tests/."""
+    file, _, name = test.partition("::")
+    path = TESTS / file
+    if not name:
+        return path.exists()
+    start = f"def {name.partition('[')[0]}("
+    return path.is_file() and start in path.read_text("utf-8")
 
 
 def copy_checkout(folder):

@@ -128,18 +128,6 @@ def test_computed_derivatives_give_the_same_parameters_as_true_ones(simulated):
     assert_allclose(b["value"][big], a["value"][big], rtol=0.02)
 
 
-def test_autocorrelated_residuals_inflate_sigma(simulated):
-    noises = [Noise(additive=0.05, correlation=rho) for rho in (0.0, 0.9)]
-    white, red = (
-        analyze("five-bar", simulated("five-bar", "a", 0, noise), replicates=0) for noise in noises
-    )
-    ratio = [
-        np.median([v.sigma_robust / v.sigma for v in out.chosen.verdicts]) for out in (white, red)
-    ]
-    assert ratio[0] < 1.3
-    assert ratio[1] > 2.0
-
-
 def test_a_log_given_twice_is_refused(simulated):
     """Its repetition would pass for new evidence, whether fitted or held out."""
     log = simulated("two-link", "a", 0)

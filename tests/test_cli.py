@@ -5,7 +5,6 @@ import subprocess
 import sys
 
 import pandas as pd
-import pytest
 
 import identifiability
 
@@ -25,21 +24,6 @@ def test_simulate_then_analyze_writes_report_and_json(succeeds, few_draws, tmp_p
     assert str(report) in out.output
     assert json.loads(result.read_text())["selected"].startswith("Model")
     assert "<html" in report.read_text()
-
-
-def test_hidden_effects_are_in_the_data_and_not_in_the_robot(succeeds, tmp_path):
-    plain = tmp_path / "plain.csv"
-    hidden = tmp_path / "hidden.csv"
-    shipped = ("simulate", "3-rps", "601")
-    succeeds(*shipped, "--out", plain)
-    succeeds(*shipped, "--hide", "stribeck_friction=0.1", "--out", hidden)
-    a = pd.read_csv(plain)
-    b = pd.read_csv(hidden)
-    for joint in ("slider1", "slider2", "slider3"):
-        difference = b[f"{joint}.tau"] - a[f"{joint}.tau"]
-        share = (difference**2).mean() ** 0.5 / (a[f"{joint}.tau"] ** 2).mean() ** 0.5
-        assert share == pytest.approx(0.1, rel=1e-6)
-        pd.testing.assert_series_equal(a[f"{joint}.q"], b[f"{joint}.q"])
 
 
 def test_a_random_trajectory_stays_within_the_limits(succeeds, tmp_path):

@@ -13,6 +13,7 @@ SCRIPT = Path(__file__).with_name("mutants.py")
 
 def test_every_mutant_can_be_applied_and_has_its_own_name():
     assert mutants.find_mistakes(mutants.read_mutants(), mutants.read_sources()) == []
+    assert not mutants.is_there("test_mutants.py::test_gone")
 
 
 def test_a_text_that_stands_twice_or_nowhere_is_a_mistake():

@@ -118,13 +118,16 @@ def test_a_motion_separates_it_from_another(folder, run):
     [
         ("x = 1\n", "registers no effect"),
         ("a = 1\nb = a / 0\n", "fails in line 2 (ZeroDivisionError"),
+        (PLUGIN.replace("return [", "return at.travel\n        ["), "gives a curve of shape"),
     ],
 )
 def test_a_plugin_that_is_none_is_refused_in_a_sentence(command, tmp_path, text, sentence):
     path = tmp_path / "own.py"
     path.write_text(text)
     out = tmp_path / "out.csv"
-    result = command("simulate", "two-link", "a", "--out", out, "--plugin", path)
+    pair = ["--separate", "cogging", "--separate", "joint_stiffness"]
+    result = command("excite", "two-link", *pair, "--out", out, "--plugin", path)
+    forget("cogging")
     assert result.exit_code == 2
     assert sentence in " ".join(result.output.split())
     assert not out.exists()

@@ -69,6 +69,8 @@ def test_a_motor_at_its_limit_a_rest_and_a_slow_logger_are_data(frame):
     smooth = np.clip(np.arange(600) / 300, 0, 1)
     rest = {c: frame[c].iloc[0] + smooth**2 * (1 - smooth) ** 2 for c in frame if c != "t"}
     assert mended(frame.assign(**rest))[1] == ()
+    frame.loc[300:310, "elbow.q"] = frame.loc[300, "elbow.q"]  # too short to be hung
+    assert mended(frame)[1] == ()
 
 
 @pytest.mark.parametrize("factor", [1e-18, 1e-100, 1e-300])

@@ -67,10 +67,8 @@ def rigid_torque(robot: Robot, motion: Motion) -> Array:
     model = load_model(robot)
     data = model.createData()
     tree = np.empty((len(motion), model.nv))
-    moved = tree_motion(robot, motion)
-    for k, (q, v, a) in enumerate(zip(*moved, strict=True)):
+    for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
         tree[k] = pin.rnea(model, data, q, v, a)
-    tree -= model.armature * moved[2]  # rotors are no load
     tau = project(robot, motion, tree)
     return without_rounding(tau, tau)
 

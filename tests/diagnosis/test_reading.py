@@ -25,6 +25,7 @@ from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality import MeasuredLogs
 from identifiability.reading import choose_reading
 from identifiability.reading.candidates import list_legs
+from identifiability.reading.verification import Verification
 from identifiability.regression.regression import LogPart
 from identifiability.regression.structure import Structure
 from identifiability.robot import complete_motion
@@ -130,10 +131,13 @@ def test_offsets_that_differ_between_logs_are_found_and_taken_out(arm):
     logs = [record("six-dof-arm", seed=k)[1] for k in (1, 2, 3)]
     offsets = default_rng(1).normal(0, 0.1, (3, 6)) * logs[0].tau.std(0)
     named = zip("abc", logs, offsets, strict=True)
-    found = look(robot, *(replace(x, name=name, tau=x.tau + by) for name, x, by in named))
+    given = [replace(x, name=name, tau=x.tau + by) for name, x, by in named]
+    found = look(robot, *given)
     assert found.description.startswith("Torque offsets differ between logs")
     apart = np.array([found.offsets[name] for name in "abc"])
     assert (np.abs(apart - offsets + offsets.mean(0)) < 0.03 * logs[0].tau.std(0)).all()
+    read = found.read(given[0], Structure.of(robot, MODEL))
+    assert_allclose(read.tau, given[0].tau - apart[0])
     assert look(robot, *logs) is None
 
 
@@ -328,6 +332,8 @@ def test_a_reading_that_other_rows_do_not_confirm_is_a_question_and_is_not_used(
     wrong = replace(log, tau=tau)
     found = look(robot, wrong)
     assert found is None or not found.holds
+    held = [Verification(8.0, 4.0, predicted=20.0, candidates=k).holds for k in (1, 1000)]
+    assert held == [True, False]
     hints = analyze(robot, wrong, "none", replicates=20).hints
     assert not any("All that follows" in hint for hint in hints)
 

@@ -18,6 +18,7 @@ from identifiability.estimation.mixed_model import (
     Group,
     MixedModel,
     Term,
+    one_of,
     whitened_information,
 )
 from identifiability.estimation.noise import JointNoise, JointRuns, split_runs, whiten
@@ -296,7 +297,10 @@ def test_what_is_in_every_joint_is_named_as_that(arm):
         v = frame[f"{joint}.dq"]
         changed[f"{joint}.tau"] += 0.1 * frame[f"{joint}.tau"].std() * v * np.abs(v) / v.std() ** 2
     model = missing_in((robot, changed, structure), 3, 0.3).model()
-    assert ("quadratic_friction", EVERYWHERE) in [t.key for t in model.search()]
+    terms = model.search()
+    assert ("quadratic_friction", EVERYWHERE) in [t.key for t in terms]
+    assert "quadratic_friction" not in {g.family for g in model.beside(terms)}
+    assert one_of([0.0]) == [0.5]  # or none is there
 
 
 @pytest.mark.parametrize("until", [1.0, 0.7])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from identifiability.foundation.rounding import format_measured, format_number
+from identifiability.foundation.rounding import format_measured, format_number, percent_text
 
 
 @pytest.mark.parametrize(
@@ -31,3 +31,4 @@ def test_two_digits_of_sigma_up_to_354_and_one_from_355_to_949(sigma, value, sho
 def test_numbers_get_a_power_of_ten_below_1e_4_and_from_1e6_on(value, digits, shown):
     assert format_number(value, digits) == shown
     assert format_number(2.0, 4, pad=True) == "2.000"
+    assert percent_text(0.7064) == "0.71 %"

@@ -159,12 +159,6 @@ def test_what_cannot_be_read_back_is_refused_by_name(analysis, tmp_path, change,
         Analysis.from_json(path, "two-link")
 
 
-def test_the_result_of_another_robot_is_refused(analysis, tmp_path):
-    path = analysis.to_json(tmp_path / "result.json")
-    with pytest.raises(IdentifiabilityError, match="does not belong to"):
-        Analysis.from_json(path, Robot.load("five-bar"))
-
-
 def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
     """Whatever its columns are called; the same prediction, and nothing said of an error."""
     log = make_log("two-link", "b", 3)

@@ -132,16 +132,6 @@ def test_pruning_starts_from_the_users_own_ladder(simulated, tmp_path):
     assert set(again.models[1].submodel.columns) == set(out.chosen.columns)
 
 
-@pytest.mark.parametrize(
-    "name", ["five-bar", pytest.param("six-dof-arm", marks=pytest.mark.everything)]
-)
-def test_other_robots_prune_without_special_cases(simulated, name):
-    out = prune(name, simulated(name, "a", 0, Noise(torque=0.02)), replicates=5)
-    assert len(out.chosen) < len(out.full)
-    assert out.chosen.error_ra_unseen < 1.05 * out.full.error_ra_unseen
-    assert out.chosen.feasible or out.chosen.physical_used  # of the nearest physical robot
-
-
 def test_the_same_inputs_give_the_same_result(simulated):
     log = simulated("two-link", "a", 0, Noise(torque=0.02))
     a, b = (prune("two-link", log, replicates=10).to_dict() for _ in range(2))

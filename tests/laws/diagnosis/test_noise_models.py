@@ -12,6 +12,7 @@ from identifiability.estimation.noise import (
     JointRuns,
     RestrictedLikelihood,
     levinson,
+    rich_noise,
     span_columns,
     whiten,
 )
@@ -132,3 +133,10 @@ def test_what_columns_span_is_orthonormal_however_alike_they_are(samples):
     assert_allclose(basis.T @ basis, np.eye(9), atol=1e-8)
     assert_allclose(basis @ (basis.T @ alike), alike, atol=1e-4)
     assert span_columns(rng.standard_normal((samples, samples)), 27).shape[1] == 27
+
+
+def test_candidates_as_many_as_rows_are_left_out():
+    rng = default_rng(5)
+    y, *blocks = (rng.standard_normal((60, k)) for k in (1, 5, 50))
+    few, many = (rich_noise(blocks[:k], y[:, 0], [(0, 60)]).sigma for k in (1, 2))
+    assert many == few

@@ -86,7 +86,7 @@ def held(x, share, seed=0):
 def buzzing(seed=0):
     """A stretch of strong vibration in a long quiet log."""
     x = noise(0.01, seed, 5000)
-    x[3000:3060] += noise(5.0, seed + 1, 60)
+    x[3000:3024] += noise(5.0, seed + 1, 24)
     return x
 
 
