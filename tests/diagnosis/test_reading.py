@@ -255,6 +255,7 @@ def test_no_other_model_is_chosen_where_masses_alone_are_the_file_s_no_more(name
     [
         ("stribeck_friction", "3-rps"),
         ("hysteresis", "six-dof-arm"),
+        ("hysteresis=0.4", "five-bar"),  # alone it acts as late torque does
         ("position_friction", "3-rps"),
         ("position_friction=0.2", "two-link"),
     ],
