@@ -163,7 +163,7 @@ def test_the_next_step_runs_on_named_tables(results, simulated_session, tmp_path
     exec(result.next()[0][1], {**vars(identifiability), "robot": "two-link", "logs": logs})
     shown = unescape(results["analysis"]._repr_html_())
     shown = shown.replace("<span>", "").replace("</span>", "")
-    assert "missing = diagnose(robot, logs)" in shown
+    assert "prune(robot, logs" in shown
     assert "identifiability diagnose" not in shown
 
 

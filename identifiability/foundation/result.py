@@ -180,7 +180,7 @@ class Result(Keyed, ABC):
             "statement",
             "tables",
         }
-        asked |= {"row_names", "chosen", "models", "play", "predict", "robot", "summary"}
+        asked |= {"chosen", "models", "play", "predict", "robot", "summary"}
         asked |= {"warnings"}
         offered = ("_", "to_", "write_")
         return [n for n in super().__dir__() if n in asked or n.startswith(offered)]

@@ -119,6 +119,9 @@ def run_task(
         with temporary_folder() as folder:
             told = result.to_json(Path(folder, f"{name}.json")).read_bytes()
             page = result.write_report(Path(folder, f"{name}.html")).read_bytes()
+            # Files move to their place, which their lines to type shall name.
+            here, there = f"{folder}/".encode(), f"{ROBOTS}/".encode()
+            told, page = told.replace(here, there), page.replace(here, there)
         return row | _state(json.loads(told)) | {"page": f"{ROBOTS}/{name}.html"}, told, page
     except IdentifiabilityError as error:
         with at_terminal():  # the table is a file

@@ -96,7 +96,7 @@ ROBOTS = {
         arm(head='<option gravity="0 0 1e16"/>'),
         "gravity, the place of a joint or site, .* is infinite",
     ),
-    "advice": (ring(60), r"joints have no actuator .*'follower\d+'\]\) and \d+ more"),
+    "advice": (ring(60), r"joints have no actuator .* and \d+ more\) .* must be locked"),
 }
 
 
