@@ -304,7 +304,8 @@ class MixedModel:
 
     def _columns(self, terms: Terms) -> np.ndarray:
         """Return the columns of the fixed model and some terms."""
-        return np.concatenate([np.arange(self.fixed), *(t.columns for t in terms)])
+        of_terms = (t.columns for t in terms)
+        return np.concatenate([np.arange(self.fixed), *of_terms])
 
     def _solve(self, terms: Terms, columns: np.ndarray, P: Array, target: Array) -> Solution:
         """Return the solution of products of columns (c, c) among themselves and with the torque.
@@ -526,7 +527,8 @@ class MixedModel:
     def news(self, terms: Terms, unseen: Information) -> list[float]:
         """Return the gain of each term on unseen rows, given the others [nat]."""
         full = self.evidence(terms, unseen)
-        return [full - self.evidence(without(terms, k), unseen) for k in range(len(terms))]
+        rest = (without(terms, k) for k in range(len(terms)))
+        return [full - self.evidence(others, unseen) for others in rest]
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
         """Return the terms that unseen rows confirm, with their gains; the worst goes first.

@@ -649,13 +649,13 @@ def draw_ladder(sizes: Array, fitted: Array, unseen: Array, spread: Array, selec
         "o-",
         color=BLUE,
         markersize=5,
-        label="unseen motion",
+        label="left-out stretches",
     )
     axes.plot(
         sizes,
         fitted,
         "o-",
-        label="fitted motion",
+        label="fitted stretches",
         color=MUTED,
         fillstyle="none",
         markersize=4,

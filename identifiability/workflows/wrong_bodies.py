@@ -50,20 +50,18 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
     """Return which body of the robot file has wrong values; none if no body surely has."""
     structure = fit.structure
     values, covariance = fit.of_labels
-    unit = or_one(np.sqrt(np.diag(covariance)))
-    others = np.delete(structure.G, structure.inertial.ravel(), axis=1)
-    unknown = np.column_stack([others, fit.base_unknown]) / unit[:, None]
-    towards = null_space((unknown / or_one(np.linalg.norm(unknown, axis=0))).T).T / unit
+    towards = _find_determined(fit)
     stated = towards @ structure.nominal_base
     off = towards @ values - stated
-    seen = _list_errors(structure, towards @ structure.G)
-    if not (len(off) and seen):
+    shapes = _list_errors(structure, towards @ structure.G)
+    if not (len(off) and shapes):
         return WrongBodies()
-    errors = sum(x @ x.T for (_, scaled), x in seen.items() if not scaled)
     noise = towards @ covariance @ towards.T + ROUNDOFF * np.eye(len(off))
+    errors = sum(x @ x.T for (_, scaled), x in shapes.items() if not scaled)
     roots = [np.linalg.cholesky(noise + share**2 * errors) for share in FILE_ERRORS]
+    evidence = {key: _weigh(off, roots, x, FILE_ERRORS) for key, x in shapes.items()}
+    # Wrong constants scale all values; a scale of zero is the file with its usual errors.
     weigh = partial(_weigh, off, roots, stated[:, None])
-    evidence = {key: _weigh(off, roots, x, FILE_ERRORS) for key, x in seen.items()}
     evidence[CONSTANTS] = weigh(np.array([RULES.constants_within]))
     odds = {key: logsumexp(x) - logsumexp(weigh(np.zeros(1))) for key, x in evidence.items()}
     best, *rest = sorted(odds, key=lambda key: -odds[key])
@@ -71,13 +69,23 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
         return WrongBodies()
     near = [key for key in rest if odds[key] > odds[best] - RULES.rival]
     root = roots[int(evidence[best].argmax())]
-    scale, white = (solve_triangular(root, x, lower=True) for x in (seen[best[0], True], off))
+    scale, white = (solve_triangular(root, x, lower=True) for x in (shapes[best[0], True], off))
     mass = Normal.of(scale.T @ scale + np.eye(2) / FILE_ERRORS[-1] ** 2, scale.T @ white)
     return WrongBodies((best, *near), float(mass.value[0]), float(np.sqrt(mass.covariance[0, 0])))
 
 
+def _find_determined(fit: Fit) -> Array:
+    """Return n combinations (n, b) of base parameters that the logs determine, of bodies alone."""
+    structure = fit.structure
+    unit = or_one(np.sqrt(np.diag(fit.of_labels[1])))
+    of_joints = np.delete(structure.G, structure.inertial.ravel(), axis=1)
+    unknown = np.column_stack([of_joints, fit.base_unknown]) / unit[:, None]
+    directions = unknown / or_one(np.linalg.norm(unknown, axis=0))
+    return null_space(directions.T).T / unit
+
+
 def _list_errors(structure: Structure, A: Array) -> dict[Hypothesis, Array]:
-    """Return what the errors of each body of the file change, (n, k), by those of values, (n, p).
+    """Return the changes (n, k) by k errors of each body, from those by all p parameters, (n, p).
 
     The ten values err by their typical sizes, mass and inertia about the centre by themselves.
     """

@@ -98,7 +98,7 @@ def test_text_can_be_read_on_a_phone_without_much_scrolling(kind, reports, visit
         sizes = seen.page.evaluate(SIZES)
         height = seen.page.evaluate("document.body.scrollHeight")
     assert min(sizes) >= 11
-    assert height < 4100
+    assert height < 4000
 
 
 @pytest.mark.parametrize(

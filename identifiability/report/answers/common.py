@@ -177,10 +177,11 @@ class AnsweringPresenter(Presenter, ABC):
         lines = []
         for (what, line), new in zip(commands, shown, strict=True):
             reruns = new == line and line.startswith(again)
-            lines.append(
-                (sentence("next", "again", what=what.rstrip(":")) if reruns else what, new)
-            )
-        where = "run" if shown[0] == commands[0][1] else "python"
+            purpose = sentence("next", "again", what=what.rstrip(":")) if reruns else what
+            lines.append((purpose if lines else what, new))
+        first = commands[0][1]
+        where = "rerun" if first.startswith(again) else "run"
+        where = where if shown[0] == first else "python"
         return (*asked, replace(answer("next", where), commands=tuple(lines)))
 
 
@@ -356,7 +357,8 @@ def answer_trust(
     usual = WORDS["note.hint"]["title"].rstrip(".")
     checks = [n.text for n in notes if n.level == "warning" and n.title.rstrip(".") == usual]
     titles = [f"“{title}”" for title in dict.fromkeys(graver) if title != usual]
-    titles += filter(None, [first_sentence(*checks), "" if missing else in_doubt])
+    first = first_sentence(*checks).partition(": ")[0]  # the note below has the rest
+    titles += filter(None, [first, "" if missing else in_doubt])
     if len(checks) > 1:
         titles.append(sentence("trust", "checks", count=checks[1:]))
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]

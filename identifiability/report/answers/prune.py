@@ -25,12 +25,6 @@ class LadderPresenter(LadderedPresenter):
 
     result: Ladder
 
-    def validation_kind(self) -> str:
-        """Return the motion on which the error was measured, and the unpruned model's error."""
-        error = self.result.full.error_ra_validation
-        kind = super().validation_kind()
-        return sentence("laddered.measured", "unpruned", kind=kind, error=error)
-
     def tables(self) -> tuple[Table, ...]:
         """Return the models of the path, and the errors of the one to use by joint and by log."""
         result = self.result
@@ -49,7 +43,9 @@ class LadderPresenter(LadderedPresenter):
         wrong = chosen.infeasible
         used = len(chosen)
         errors = {"before": result.full.error_ra_validation, "after": chosen.error_ra_validation}
-        holes: dict[str, Any] = {"size": size, "used": used, "dropped": size - used, **errors}
+        motion = "held-out logs" if result.validation else "left-out stretches"
+        counts = {"size": size, "used": used, "dropped": size - used}
+        holes: dict[str, Any] = {**counts, **errors, "motion": motion}
         part = "some" if used < size else "all"
         found = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
