@@ -174,7 +174,7 @@ class AnsweringPresenter(Presenter, ABC):
             return asked
         again = f"identifiability {self.verb} "
         shown = lines_in_memory([line for _, line in commands], self.verb)
-        lines = []
+        lines = list[Command]()
         for (what, line), new in zip(commands, shown, strict=True):
             reruns = new == line and line.startswith(again)
             purpose = sentence("next", "again", what=what.rstrip(":")) if reruns else what
