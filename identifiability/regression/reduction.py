@@ -237,7 +237,7 @@ def default_ladder(robot: Robot) -> LadderEntry:
     effects = default_effects(robot, DEFAULT_EFFECTS if joints else ["rigid_body"])
     said = "every base parameter, with torque offsets" if joints else "the body"
     full = ModelEntry(name="full model", description=said, effects=[*effects])
-    said = "torque is zero where nothing acts"
+    said = "no constant torque in any joint"
     bare = ModelEntry(name="no torque offset", description=said, zero=["*.off"])
     return LadderEntry(models=[full, bare] if joints else [full])
 

@@ -120,9 +120,9 @@ def comparison_moving(result: Comparison) -> Moving | None:
     motion = result.motion
     torque = result.torque
     t = torque.t
-    lines = {"as measured": torque.measured}
+    lines = {"measured": torque.measured}
     if result.changes:
-        lines["by the change"] = torque.explained
+        lines["explained"] = torque.explained
     log, _ = shorten_paths((result.after[torque.log], result.before[0]))
     # Noise alone marks no joint.
     shown, how = (torque.explained, "changed") if result.changes else (None, "same")
@@ -173,7 +173,7 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
     torque = np.where(gap.data, gap.tau, np.nan)[own]
     residual = np.where(gap.data[:, :, None], gap.residual, np.nan)[own]
     before = residual[..., 0]
-    lines = {"residual before": before, "after": residual[..., -1]}
+    lines = {"residual without": before, "with the effect": residual[..., -1]}
     t = gap.t[0]
     return move_with_torque(d.robot, sample.motion, t, torque, lines, sample.name, before)
 
@@ -538,7 +538,7 @@ def payload_moving(result: Load) -> Moving | None:
     mass = result.parameters[9]
     centre = result.parameters[6:9]
     load = Point(robot.links[body].last, centre / mass)
-    lines = {"measured": torque.measured, "by the load": torque.explained}
+    lines = {"measured": torque.measured, "computed": torque.explained}
     return move_with_torque(
         robot,
         result.motion,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from statistics import NormalDist
@@ -15,7 +15,7 @@ import pandas as pd
 
 from identifiability.effects.base import apply_tilt
 from identifiability.estimation.combinations import find_combinations
-from identifiability.estimation.prediction import loaded_joints
+from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
@@ -26,6 +26,7 @@ from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     LEVEL,
+    format_count,
     format_number,
     measured,
     percent_text,
@@ -34,6 +35,7 @@ from identifiability.foundation.rounding import (
 from identifiability.physical.cad_prior import find_rises
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
+from identifiability.workflows.diagnose.problem import change_interval
 from identifiability.workflows.provenance import given_paths
 
 from . import commands
@@ -41,6 +43,7 @@ from .common import (
     NAMED,
     TONES,
     VISIBLE,
+    WORDS,
     Command,
     PredictingPresenter,
     after_mass,
@@ -96,7 +99,11 @@ class LadderedPresenter(PredictingPresenter):
         more = ""
         if not result.nothing:
             more = join_sentences(_state_own_means(result), _state_left_out(result))
-        measured_on = sentence("laddered.measured", kind=result.validation_kind)
+        measured_on = sentence(
+            "laddered.measured",
+            kind=result.validation_kind,
+            interval=_state_interval(result.held_out),
+        )
         error = self.answer_error(measured_on, more, raw=result.left_out["raw"])
         if result.moved is not None:
             error = result.moved.lead(error)
@@ -267,18 +274,17 @@ class AnalysisPresenter(LadderedPresenter):
         result = self.result
         about = "analysis.use"
         chosen = result.chosen
-        base = result.base
-        size = sentence(about, "size", parameters=len(base.parameters), rank=base.rank)
         if result.nothing:
-            return answer(about, "nothing", size)
+            return answer(about, "nothing")
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
         described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
         use = sentence(about, "use", name=f"{chosen.name}{described}")
         count = len(chosen.submodel)
-        text = f"{use} {state_physics(result)}"
+        text = join_sentences(_state_unknown(chosen), use)
         found = found_cell(chosen).text
-        return replace(answer(about, part, text, tone, found=found, count=count), more=size)
+        shown = answer(about, part, text, tone, found=found, count=count)
+        return replace(shown, more=state_physics(result))
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
@@ -318,6 +324,30 @@ def _state_left_out(result: Laddered[Any]) -> str:
     if not left["rows"] > 0:
         return ""
     return sentence("decision.left", "rows", share=left["rows"], error=left["all_rows"])
+
+
+def _state_interval(out: Prediction) -> str:
+    """Return the 95 % interval of the error on unseen motion; nothing without its samples."""
+    if not len(out.predicted):
+        return ""
+    error = np.abs(out.residual[:, :, :1]) * np.arange(2)
+    low, high = change_interval(error, out.apart(), np.random.default_rng(0))
+    return sentence("quality", "interval", low=low, high=high)
+
+
+def count_kinds(names: Iterable[str]) -> Counter[str]:
+    """Return the number of parameters of each kind, in words."""
+    kinds: dict[str, str] = WORDS["pruning.kinds"]
+    return Counter(kinds.get(name.rpartition(".")[2], kinds["other"]) for name in names)
+
+
+def _state_unknown(chosen: ModelResult) -> str:
+    """Return which kinds of parameter are not identifiable, the most frequent first."""
+    verdicts = [] if chosen.unjudged else chosen.verdicts
+    unknown = count_kinds(v.name for v in verdicts if v.verdict is not Class.IDENTIFIABLE)
+    every = count_kinds(v.name for v in verdicts)
+    each = [f"{n} of {format_count(every[kind], kind)}" for kind, n in unknown.most_common()]
+    return sentence("analysis.use", "open", each=each) if each else ""
 
 
 def _state_own_means(result: Laddered[Any]) -> str:

@@ -243,8 +243,10 @@ class PredictingPresenter(AnsweringPresenter):
         reserved = self.reserved()
         if reserved and tone == "green":
             tone = "grey"
-        if tone == "vermilion" or not reserved:
-            text = join_sentences(sentence("decision.uses", grade), text)
+        uses = sentence("decision.uses", grade)
+        if tone != "vermilion" and reserved:
+            uses = sentence("quality", "settled", uses=f"{uses[0].lower()}{uses[1:]}")
+        text = join_sentences(text, uses)
         # A filter makes a difference.
         if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
             more = join_sentences(sentence("quality", "raw", raw=raw), more)

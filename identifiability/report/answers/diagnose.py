@@ -73,7 +73,8 @@ class DiagnosisPresenter(PredictingPresenter):
         result = self.result
         missing = after_mass(_answer_missing(result), result.mass_warning)
         question = sentence("diagnosis.residual", "question")
-        error = self.answer_error("", result.unexplained, question=question)
+        scale = sentence("quality", "scale")
+        error = self.answer_error(scale, result.unexplained, question=question)
         error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending
@@ -397,15 +398,15 @@ def _answer_gap(d: Diagnosis) -> Answer:
             text += sentence(about, "useless")
         return answer(about, "stays", text, error=d.held_before)
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
-    interval = sentence(about, "interval", ends=" … ".join(ends)) if any(d.interval) else "."
-    text = sentence(about, "unseen", verified=d.verified_on)
+    interval = sentence(about, "interval", ends=" … ".join(ends)) if any(d.interval) else ""
+    text = join_sentences(interval, sentence(about, "unseen", verified=d.verified_on))
     reduction = d.used.reduction
     every = len(d.completed.base)
     if len(reduction) < every:
         text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
     tone = "green" if d.interval[1] < 0 else "amber"
     holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
-    return answer(about, "falls", text, tone, interval=interval, **holes)
+    return answer(about, "falls", text, tone, **holes)
 
 
 def _state_looks(d: Diagnosis) -> str:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.rounding import format_count, format_number, percent_text
 
-from .analyze import LadderedPresenter, error_tables, model_row, state_physics
-from .common import WORDS, answer, join_sentences, note, sentence
+from .analyze import LadderedPresenter, count_kinds, error_tables, model_row, state_physics
+from .common import answer, join_sentences, note, sentence
 from .tables import make_table
 
 if TYPE_CHECKING:
@@ -49,9 +49,9 @@ class LadderPresenter(LadderedPresenter):
         part = "some" if used < size else "all"
         found = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
-        text = join_sentences(_state_dropped(result), found, signs, state_physics(result))
+        text = join_sentences(_state_dropped(result), found, signs)
         tone = "green" if chosen.feasible else "amber"
-        return answer(about, part, text, tone, **holes)
+        return replace(answer(about, part, text, tone, **holes), more=state_physics(result))
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and whether the choice is stable."""
@@ -64,9 +64,7 @@ def _state_dropped(result: Ladder) -> str:
     """Return how many parameters of each kind the model to use has no more."""
     kept = {*result.chosen.submodel.columns}
     lost = [name for name in result.full.submodel.columns if name not in kept]
-    kinds: dict[str, str] = WORDS["pruning.kinds"]
-    count = Counter(kinds.get(name.rpartition(".")[2], kinds["other"]) for name in lost)
-    each = [format_count(number, kind) for kind, number in count.most_common()]
+    each = [format_count(number, kind) for kind, number in count_kinds(lost).most_common()]
     return sentence("pruning.use", "dropped", each=each) if each else ""
 
 
