@@ -607,23 +607,35 @@ class MissingEffects:
     @property
     def functions(self) -> tuple[str, ...]:
         """Titles and places of the named effects."""
-        return tuple(describe_term(t) for t in self.named)
+        return tuple(describe_term(t) for t in self.ordered)
+
+    @property
+    def ordered(self) -> Terms:
+        """The named groups, that with the largest torque at a joint first."""
+        of_named = self.shares[: len(self.named)]
+        return tuple(s.term for s in sorted(of_named, key=self._torque, reverse=True))
+
+    def _torque(self, share: Share) -> float:
+        """Return the size of a group's torque at the joint that feels it most, times √rows."""
+        value = np.zeros(1 + max(j.random.max(initial=0) for j in self.rows))
+        value[share.columns] = share.value
+        return max(float(np.linalg.norm(j.Z @ value[j.random])) for j in self.rows)
 
     @property
     def statement(self) -> str:
-        """The likeliest effect that the model seems to lack, as the start of a sentence.
+        """The effect with the largest torque that the model lacks, as the start of a sentence.
 
         It is reported from odds of 20 to 1 on, by fitted and unseen rows together.
         """
-        odds = {describe_term(t): t.odds + t.unseen for t in self.named}
+        odds = {describe_term(t): t.odds + t.unseen for t in self.ordered}
         sure = {name: x for name, x in odds.items() if x >= RULES.name + RULES.keep}
         if not sure:
             return ""
-        first = max(sure, key=sure.__getitem__)
-        likeliest = f"{first} ({state_probability(sure[first])})"
+        first = next(iter(sure))
+        largest = f"{first} ({state_probability(sure[first])})"
         if len(sure) == 1:
-            return f"{likeliest} seems to be missing"
-        return f"{len(sure)} effects seem to be missing, first of all {likeliest}"
+            return f"{largest} seems to be missing"
+        return f"{len(sure)} effects seem to be missing, the largest is {largest}"
 
     def of_labels(self, submodel: Submodel, fit: Estimate) -> LabelAlternatives | None:
         """Return the effect of the groups on the values of a model; None where there is none."""

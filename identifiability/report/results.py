@@ -33,7 +33,7 @@ from identifiability.foundation.rounding import superscript
 from identifiability.foundation.values import frozen
 from identifiability.foundation.wording import at_terminal
 
-from .answers.common import hint_note, note
+from .answers.common import first_sentence, hint_note, note
 from .answers.python_lines import in_python
 from .blocks import (
     Answers,
@@ -180,7 +180,7 @@ def set_symbols(text: str) -> Markup:
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
     escaped = re.sub(r"(?<=\d) (?=[%σ×]|N|mrad)", "\u00a0", escaped)
-    escaped = re.sub(r"(?<=±) (?=\d)", "\u00a0", escaped)
+    escaped = re.sub(r" ± (?=\d)", "\u00a0±\u00a0", escaped)
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))
 
@@ -212,7 +212,8 @@ def build_page(result: Result) -> Page:
         overline, subtitle = own
     shown = answer_first(result)
     warnings = [note("decides", text=text) for text in result.warnings]
-    hints = map(hint_note, result.remarks)
+    said = " ".join(one.short for one in shown.answers)
+    hints = [hint_note(x) for x in result.remarks if first_sentence(x) not in said]
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))
     tables = [_table_section(f"table-{k + 1}", table) for k, table in enumerate(result.tables())]
     done = [_table_section("ledger", table) for table in result.ledger()]

@@ -79,7 +79,7 @@ def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
             "of": title_of(t.group.family),
             "log_odds": t.odds,
         }
-        for t in found.named
+        for t in found.ordered
     ]
 
 

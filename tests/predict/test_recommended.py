@@ -42,7 +42,6 @@ def test_the_values_that_are_used_are_predicted_with_and_said(found, as_good, tm
     assert_array_equal(result.fit.values, expected)
     content = json.loads(result.to_json(tmp_path / "result.json").read_text())
     assert content["physical"]["used"] is as_good
-    assert ("Predictions and exports use" in result.details) == as_good
     read = Analysis.from_json(tmp_path / "result.json", result.robot)
     assert_array_equal(read.values, expected)
     low, high = chosen.verdicts[0].interval95

@@ -283,8 +283,7 @@ class AnalysisPresenter(LadderedPresenter):
         count = len(chosen.submodel)
         text = join_sentences(_state_unknown(chosen), use)
         found = found_cell(chosen).text
-        shown = answer(about, part, text, tone, found=found, count=count)
-        return replace(shown, more=state_physics(result))
+        return answer(about, part, text, tone, found=found, count=count)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
@@ -466,11 +465,6 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
     if brakes:
         text += sentence("decision.impossible", "negative", joints=brakes)
     yield text
-
-
-def state_physics(result: Laddered[Any]) -> str:
-    """Return the values in use."""
-    return sentence("decision.physics", "used" if result.chosen.physical_used else "free")
 
 
 def state_weight(result: Laddered[Any]) -> str:

@@ -399,14 +399,14 @@ def _answer_gap(d: Diagnosis) -> Answer:
         return answer(about, "stays", text, error=d.held_before)
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     interval = sentence(about, "interval", ends=" … ".join(ends)) if any(d.interval) else ""
-    text = join_sentences(interval, sentence(about, "unseen", verified=d.verified_on))
+    text = sentence(about, "unseen", verified=d.verified_on)
     reduction = d.used.reduction
     every = len(d.completed.base)
     if len(reduction) < every:
         text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
     tone = "green" if d.interval[1] < 0 else "amber"
     holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
-    return answer(about, "falls", text, tone, **holes)
+    return answer(about, "falls", text, tone, interval=interval, **holes)
 
 
 def _state_looks(d: Diagnosis) -> str:

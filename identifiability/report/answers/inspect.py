@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Table
@@ -108,13 +107,10 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
     seconds = float(clocks.duration.sum())
     samples = int(clocks.samples.sum())
     rates = dict.fromkeys(format_number(x, 3) for x in (clocks.rate.min(), clocks.rate.max()))
-    cut = clocks.cutoff.dropna().min()
-    text = "" if np.isnan(cut) else sentence(about, "cutoff", cutoff=cut)
     joints: Any = pd.concat([r.joints for r in result.records], ignore_index=True)
     yield answer(
         about,
         "motion",
-        text,
         seconds=seconds,
         samples=samples,
         rates=" … ".join(rates),

@@ -158,7 +158,7 @@ def _answer_known(result: Load) -> Answer:
     centre = result.quantities[1:4]
     unknown = [q.name for q in result.quantities if not q.told]
     count = len(result.quantities)
-    tone = "amber" if unknown else "green"
+    tone = "blue" if all(q.told for q in centre) else "amber"
     holes: dict[str, Any] = {"found": count - len(unknown), "names": listing(unknown, count)}
     text = sentence(about, "lost", count=count, **holes) if unknown else ""
     told = [q for q in centre if q.told]

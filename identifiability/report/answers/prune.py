@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.rounding import format_count, format_number, percent_text
 
-from .analyze import LadderedPresenter, count_kinds, error_tables, model_row, state_physics
+from .analyze import LadderedPresenter, count_kinds, error_tables, model_row
 from .common import answer, join_sentences, note, sentence
 from .tables import make_table
 
@@ -51,7 +50,7 @@ class LadderPresenter(LadderedPresenter):
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
         text = join_sentences(_state_dropped(result), found, signs)
         tone = "green" if chosen.feasible else "amber"
-        return replace(answer(about, part, text, tone, **holes), more=state_physics(result))
+        return answer(about, part, text, tone, **holes)
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and whether the choice is stable."""
