@@ -23,7 +23,7 @@ from identifiability.workflows.predict import Fit
 
 from . import plot
 from .answers.analyze import error_tables, file_table, label_note, model_title, parameter_table
-from .answers.common import note, sentence, words
+from .answers.common import capital, note, sentence, words
 from .answers.tables import make_table
 
 if TYPE_CHECKING:
@@ -351,7 +351,7 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
     summary = belief.physical
     if summary is None:
         why = belief.note.rstrip(".")
-        return (note("no-posterior", why=f"{why[0].upper()}{why[1:]}"),)
+        return (note("no-posterior", why=capital(why)),)
     if not summary.convergence.trustworthy:
         return (note("doubtful", why=" ".join(summary.convergence.reasons)),)
     if summary.stated.all():

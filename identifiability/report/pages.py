@@ -30,7 +30,7 @@ from identifiability.foundation.rounding import (
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 
-from .answers.common import NAMED, hint_note, sentence, words
+from .answers.common import NAMED, capital, hint_note, sentence, words
 from .answers.tables import make_table, unit_cell
 from .blocks import (
     SHOWN_FIRST,
@@ -475,7 +475,7 @@ def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
 
 def _preparation(record: Record) -> Prose | None:
     """Return the reading and preparation of a log, if they differ from the default."""
-    told = [f"{text[0].upper()}{text[1:]}." for text in record.notes]
+    told = [f"{capital(text)}." for text in record.notes]
     if record.clock["parts"] > 1:
         told.append(sentence("inspection.windows", parts=record.clock["parts"]))
     return Prose((f"{record.name}: {' '.join(told)}",)) if told else None

@@ -54,7 +54,7 @@ def test_slow_noise_is_no_effect(logs, rho):
 
 
 def test_of_missing_effects_the_largest_torque_comes_first(logs):
-    found = analyze("two-link", logs(0.5, 1, 2.0, ripple=1.0), replicates=20)
+    found = analyze("two-link", logs(0.5, 1, 2.0, ripple=1.0))
     assert "the largest is position ripple in shoulder" in found.statement
 
 

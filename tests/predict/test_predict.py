@@ -1,6 +1,7 @@
 """Torque along other logs, from a result and from its JSON."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -38,6 +39,8 @@ def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis, make_log):
         assert frame[f"{joint}.residual"] == pytest.approx(left)
         inside = frame[f"{joint}.from"] < frame[f"{joint}.mean_from"]
         assert (inside & (frame[f"{joint}.mean_to"] < frame[f"{joint}.to"])).all()
+    for times, says in ((0.75, "narrow"), (2, "wide")):
+        assert f"they are too {says}" in replace(found, low=times * found.low).details
 
 
 def verbs(make_log):

@@ -54,6 +54,11 @@ def join_sentences(*texts: str) -> str:
     return " ".join(filter(None, texts))
 
 
+def capital(text: str) -> str:
+    """Return a text that begins with a capital letter."""
+    return text[0].upper() + text[1:]
+
+
 def first_sentence(*texts: str) -> str:
     """Return the first sentence of the first of some texts."""
     return "".join(texts[:1]).partition(". ")[0].rstrip(".")
@@ -121,7 +126,7 @@ def after_mass(answer: Answer, warning: str) -> Answer:
     if not warning:
         return answer
     total, _, why = warning.partition(": ")
-    why = f"{why[0].upper()}{why[1:]} {answer.text}"
+    why = f"{capital(why)} {answer.text}"
     return replace(answer, short=f"{total}. {answer.short}", text=why, tone="vermilion")
 
 
@@ -265,8 +270,9 @@ class PredictingPresenter(AnsweringPresenter):
             return "", "", grade
         at = robot.joints.index(joint)
         size = f"{format_number(float(sizes[at]), 2)} {robot.torque_units[at]}"
-        worst = sentence("quality", "worst", joint=joint, own=own, rms=size)
-        if not errs_unevenly(error, own):
+        uneven = errs_unevenly(error, own)
+        worst = sentence("quality", "uneven" if uneven else "worst", joint=joint, own=own, rms=size)
+        if not uneven:
             return worst, "", grade
         noisy = is_noise(sizes, self.noise())[at]
         text = sentence("quality", "noisy", joint=joint) if noisy else ""

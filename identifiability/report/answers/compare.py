@@ -18,7 +18,16 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, format_number, measured, state_probability
 
 from .commands import export_line, ladder_option, name_logs, validate_options
-from .common import NAMED, AnsweringPresenter, Command, answer, command, join_sentences, sentence
+from .common import (
+    NAMED,
+    AnsweringPresenter,
+    Command,
+    answer,
+    capital,
+    command,
+    join_sentences,
+    sentence,
+)
 from .tables import make_table
 
 #: Of a frame of changes.
@@ -49,7 +58,7 @@ class ComparisonPresenter(AnsweringPresenter):
         if not changes:
             return sentence("comparison.how", "nothing")
         text = listing([change.called for change in changes], between="; ")
-        return f"{text[0].upper()}{text[1:]}."
+        return f"{capital(text)}."
 
     def asked(self) -> tuple[Answer, ...]:
         """Return what changed, and whether to trust it."""
@@ -297,29 +306,32 @@ def _state_evidence(change: Change) -> str:
 def _answer_cause(result: Comparison) -> tuple[Answer, ...]:
     """Return whether friction changed by wear or by warming up; nothing if none changed."""
     frictions = [c for c in result.changes if c.kind == "friction"]
-    parts = [_state_cause(c, result) for c in frictions]
+    causes = dict[str, list[str]]()
+    for change in frictions:
+        causes.setdefault(_find_cause(change, result), []).append(change.what)
+    parts = [
+        capital(sentence("comparison.cause", key, what=names)) for key, names in causes.items()
+    ]
     unsure = [c for c in result.changes if c.alternatives]
     parts += [sentence("comparison.next", c.kind, what=c.what) for c in unsure]
     if not parts:
         return ()
     question = "" if frictions else sentence("comparison.cause", "next")
-    causes = " ".join(dict.fromkeys(parts))
-    return (answer("comparison.cause", "causes", "", "amber", question=question, causes=causes),)
+    told = " ".join(dict.fromkeys(parts))
+    return (answer("comparison.cause", "causes", "", "amber", question=question, causes=told),)
 
 
-def _state_cause(change: Change, result: Comparison) -> str:
-    """Return the probable cause of a change of friction, and what to measure next."""
-    about, what = "comparison.cause", f"{change.what[0].upper()}{change.what[1:]}"
+def _find_cause(change: Change, result: Comparison) -> str:
+    """Return the key of the probable cause of a change of friction."""
     size, sd = change.relative
     if change.within:
-        key = "warm" if size < 0 else "rises"
-        return sentence(about, key, what=what, seconds=change.seconds)
+        return "warm" if size < 0 else "rises"
     falls = [c.relative[0] for c in result.changes if c.within and c.place == change.place]
     if falls and abs(size) - REACH * sd <= abs(falls[0]):
-        return sentence(about, "perhaps", what=what)
+        return "perhaps"
     if len(result.after) < 2 or change.log:
-        return sentence(about, "once", what=what)
-    return sentence(about, "wear" if size > 0 else "lower", what=what)
+        return "once"
+    return "wear" if size > 0 else "lower"
 
 
 def signed(value: float, sd: float, unit: str) -> str:

@@ -34,6 +34,7 @@ from .common import (
     PredictingPresenter,
     after_mass,
     answer,
+    capital,
     command,
     join_sentences,
     sentence,
@@ -275,7 +276,7 @@ def _answer_missing(d: Diagnosis) -> Answer:
     about = "diagnosis.missing"
     named = [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
     named += map(_state_effect, d.effects)
-    short = f"{_capital(join(named, NAMED))}." if named else sentence(about, "nothing")
+    short = f"{capital(join(named, NAMED))}." if named else sentence(about, "nothing")
     of_effects = [e.odds for e in d.effects]
     of_changes = [c.odds for c in d.changes]
     odds = max(of_effects + of_changes, default=0.0)
@@ -295,7 +296,7 @@ def _state_search(d: Diagnosis) -> str:
     model = d.alternative.partition(":")[0]
     parts = [f"{model}."] if model else []
     rows = "restored" if d.problem.restored else "changed"
-    parts += [sentence(about, rows, name=_capital(c.called)) for c in d.changes]
+    parts += [sentence(about, rows, name=capital(c.called)) for c in d.changes]
     if not d.effects:
         parts.append(sentence(about, "none") if d.evidence else _state_untried(d))
     return " ".join(parts)
@@ -357,10 +358,6 @@ def _likeliest(e: NamedEffect) -> list[str]:
     if more > 0:
         names[LIKELIEST:] = [sentence("diagnosis.missing", "more", more=more)]
     return names
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]
 
 
 def _state_size(e: NamedEffect) -> str:
@@ -451,7 +448,7 @@ def _list_doubts(d: Diagnosis) -> Iterator[Note]:
 
 def _state_refuted(x: Odds, d: Diagnosis) -> str:
     """Return that the motion that verifies did not confirm an effect."""
-    name = _capital(name_place(x.name, x.place))
+    name = capital(name_place(x.name, x.place))
     holes = {"before": state_probability(x.before), "gain": f"{x.unseen:.2g}".replace("-", "−")}
     return sentence("diagnosis.doubts", "refuted", name=name, verified=d.verified_on, **holes)
 
