@@ -1,6 +1,5 @@
 """Robots that are commanded and have no torque: logs, servos, rollouts, what is found of them."""
 
-import json
 import re
 import shutil
 import sys
