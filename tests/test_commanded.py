@@ -51,7 +51,7 @@ sys.path.insert(0, str(MODELS.parent / "studies"))
 
 import servo_robots as servos  # noqa: E402
 
-from .made_servos import TRUTH, load_arm  # noqa: E402
+from .made_servos import SIDECAR, TRUTH, load_arm  # noqa: E402
 
 STIFF = """<mujoco><compiler angle="radian"/><worldbody><body><inertial mass="150" pos="0 0 0"
 diaginertia="1 1 1"/><joint name="x" type="slide" axis="1 0 0" damping="60" frictionloss="25"
@@ -476,6 +476,13 @@ def test_a_log_that_contradicts_the_files_bodies_says_so():
     found = combine_with_file(structure, A, A @ phi, structure.G, 0.2)
     assert "contradicts that bodies are within 20 %" in found.hint
     assert combine_with_file(structure, A, A @ phi, structure.G, 2.0).hint == ""
+
+
+def test_a_stated_delay_that_is_too_short_is_said_with_its_remedy(frames, tmp_path):
+    arm = load_arm(tmp_path, SIDECAR + "delay = 0\n")
+    said = analyze(arm, frames[0], quick=True).statement
+    assert "later than the sidecar states: shoulder +" in said
+    assert 'delay = "auto" below [servo]' in said
 
 
 @pytest.mark.parametrize(

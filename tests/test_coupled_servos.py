@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
+import studies.drawn_hands as hands
 from identifiability import Robot, analyze, export, predict
 from identifiability.report.analysis import analysis_moving
 
@@ -111,3 +112,13 @@ def test_a_finger_that_follows_is_fitted_rolled_out_and_exported(tmp_path, kind,
     # The step of the encoders is 1.5 mrad.
     assert moved.totals[-1] < 2e-3
     assert analysis_moving(result) is not None
+
+
+def test_bodies_of_the_file_alone_determine_the_scale_of_gains_that_nobody_states(tmp_path):
+    rng = np.random.default_rng(3)
+    hand = hands.draw_hand("tendon", rng, 2)
+    log = hands.record(hand, 8.0, 0.008, 500.0, rng)
+    result = analyze(hand.write(tmp_path, fitted=True), log, quick=True)
+    variance = np.diag(result.recordings.rolled.covariance)[len(hand.servos) :]
+    # Of two to four bodies within 20 %.
+    assert np.all((variance > 0.07**2) & (variance < 0.15**2))

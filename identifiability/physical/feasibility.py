@@ -277,7 +277,8 @@ def scale_bodies(structure: Structure, whole: Information) -> Array:
 
     A file whose masses are another robot's, as placeholders are, draws to its proportions alone.
     All base parameters decide that, so that models of one robot are drawn to the same bodies. A
-    scale of the torque takes no part: with one at each joint bodies could weigh anything.
+    scale of the torque takes no part: with one at each joint bodies could weigh anything. Stated
+    rotors count as stated: where they are free, one heavy tool could make all bodies heavier.
 
     Parameters
     ----------
@@ -292,9 +293,13 @@ def scale_bodies(structure: Structure, whole: Information) -> Array:
     rows = whole.factor(1.0 / np.where(turned, whole.torque, np.inf))[:-1]
     R = rows[:, :-1] @ structure.G
     loaded = [k for k, p in enumerate(structure.parameters) if is_loaded([p])]
-    others = np.delete(R, [*at, *loaded], axis=1)
+    parts = structure.robot.inertia_parts
+    is_rotor = [p.name.rpartition(".")[2] in parts for p in structure.parameters]
+    stated = np.flatnonzero(np.array(is_rotor) & (structure.nominal != 0))
+    others = np.delete(R, [*at, *loaded, *stated], axis=1)
     alike = np.column_stack([R[:, at] @ bodies[at], others])
-    factor = np.linalg.lstsq(alike, rows[:, -1], rcond=None)[0][0]
+    of_bodies = rows[:, -1] - R[:, stated] @ structure.nominal[stated]
+    factor = np.linalg.lstsq(alike, of_bodies, rcond=None)[0][0]
     if factor > 0 and not 1 / RULES.another_robot < factor < RULES.another_robot:
         bodies = bodies.copy()
         bodies[at] *= factor

@@ -229,10 +229,11 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     errors, and most missing effects. Prior knowledge is added.
     """
     x, q, J, _ = end
+    count = len(problem.trees) * problem.rows()[-1]
+    J = np.vstack([correct_scale(problem, end, J[:count]), J[count:]])
     size = np.linalg.norm(J, axis=0)
     unit = or_one(size)
     J = J / unit
-    count = len(problem.trees) * problem.rows()[-1]
     rows, known = np.split(J, [count])
     # A number that another number can replace is known only by its size.
     sizes = np.maximum(problem.scale, np.abs(x))
@@ -243,6 +244,27 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     changes = [*known, *_block_scores(problem, rows, scores, precision)]
     root = changes @ np.linalg.pinv(precision, hermitian=True) / unit
     return root.T @ root
+
+
+def correct_scale(problem: RolloutProblem, end: SearchEnd, J: Array) -> Array:
+    """Return the weighted derivative of positions with its true response to the robot's scale.
+
+    Differences by single numbers are noisy, and noise must not determine a scale that the motion
+    leaves open. Columns change by equal shares of their size.
+    """
+    scaling, response = problem.scale_response(end.x)
+    columns = np.flatnonzero(scaling)
+    if not len(columns):
+        return J
+    corrected = J.copy()
+    weights = problem.weights(end.q)[: len(J)]
+    lack = weights * response.ravel() - J @ scaling
+    joints = np.tile(problem.trees, len(response))
+    for tree in np.unique(problem.trees):
+        at = np.ix_(joints == tree, columns)
+        share = scaling[columns] * np.sum(J[at] ** 2, axis=0)
+        corrected[at] += np.outer(lack[joints == tree], share / or_one(share @ scaling[columns]))
+    return corrected
 
 
 def _block_scores(

@@ -26,8 +26,8 @@ from .windows import Window
 #: Standard deviation of the logarithm of an unknown gain about its start.
 LOOSE: Tolerance = 1.0
 
-#: Differences of numbers as shares of a joint's inertia, damping and torque, and of the delay as a
-#: share of a sampling step.
+#: Differences of numbers as shares of a joint's inertia, damping and torque. Then those of the
+#: delay as a share of a sampling step, and of the logarithm of a robot's scale.
 VARIED: Tolerance = 2e-4
 LATER: Tolerance = 0.05
 
@@ -314,6 +314,31 @@ class RolloutProblem:
             k = self.bodies.stop + log
             J[start:stop, :, k] = (late - base)[start:stop] / by[k]
         return J
+
+    def scale_response(self, x: Array) -> tuple[Array, Array]:
+        """Return the direction that enlarges trees with unknown gains, (p,), and its response.
+
+        All numbers of such trees grow alike, which hardly changes the motion. The response is the
+        derivative of positions in the judged rows along it, (N, n). A large step measures it, as
+        joints that stick make small differences noisy.
+        """
+        log_kp, fv, rotor = (self.at(kind) for kind in ("kp", "Fv", "Ia"))
+        grows = self.varied[log_kp]
+        scaling = np.zeros(len(x))
+        scaling[log_kp] = grows
+        # A known kv does not grow. Fv grows in its place, and acts at once.
+        kept = grows & ~self.over[KINDS.index("kv")]
+        damping = kept * self.unpack(x)[0]["kv"] / np.exp(x[log_kp])
+        scaling[fv] = damping
+        scaling[rotor] = -self.machine.servo.age * damping
+        of_bodies = self.tree_of[self.over.size :]
+        scaling[self.bodies] = 0.5 * np.isin(of_bodies, self.trees[grows])
+        # Numbers of a joint are divided by its gain, which grows.
+        is_divided = np.isin(np.arange(len(x)), [fv, rotor])
+        steps = np.where(is_divided, -np.expm1(-LATER), LATER)
+        rolled = self.roll([x, x + steps * scaling])
+        before, after = (self.differences(q) for q in rolled)
+        return scaling, (after - before) / LATER
 
     def _group_by_tree(self, numbers: np.ndarray) -> list[np.ndarray]:
         """Return groups of numbers, each with at most one number of a tree."""

@@ -60,8 +60,7 @@ def test_loops_that_do_not_close_are_counted_for_their_candidate(five_bar):
     assert_allclose(found.condition, part.condition)
 
 
-def test_what_is_kept_and_what_it_costs():
-    """Free inside; from 90 % of the closure's bound on it costs."""
+def test_open_loops_leaps_ill_conditioned_and_heavy_candidates_are_not_kept():
     space = Workspace(
         open=np.array([0, 1, 0, 0, 0, 0, 0]),
         condition=np.array([1.0, 1.0, 100.0, 100.1, 90.0, 95.0, 1.0]),
@@ -69,10 +68,5 @@ def test_what_is_kept_and_what_it_costs():
         load=np.zeros(7),
     )
     assert space.kept(100.0).tolist() == [True, False, True, False, False, True, True]
-    near = 20 * np.log(np.array([100.0, 100.1, 95.0]) / 90) ** 2
-    expected = [0, 0, near[0], near[1], 5, near[2], 0]
-    assert_allclose(space.cost(100.0), expected, atol=1e-12)
     asked = replace(space, load=np.array([0.9, 0.5, 1.0, 1.0, 1.0, 1.1, 0.0]))
     assert asked.kept(100.0).tolist() == [True, False, True, False, False, False, True]
-    heavy = 20 * np.log(np.array([1.0, 1.0, 1 / 0.9, 1 / 0.9, 1 / 0.9, 1.1 / 0.9, 1.0]))
-    assert_allclose(asked.cost(100.0), expected + heavy, atol=1e-12)

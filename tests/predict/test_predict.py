@@ -183,15 +183,9 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
         assert "tau" not in " ".join(found.hints)
     told = json.loads(found.to_json(tmp_path / "p.json").read_text())
     assert told["error_ra"] is None
-    for said, answer in zip(told["answers"], found.answers(), strict=True):
-        assert [said[k] for k in ("question", "short", "text", "tone")] == [
-            answer.question, answer.short, answer.text, answer.tone
-        ]  # fmt: skip
-        assert [(c["what"], c["command"]) for c in said["commands"]] == list(answer.commands)
-    assert "<html" in found.write_report(tmp_path / "p.html").read_text()
+    assert [said["text"] for said in told["answers"]] == [a.text for a in found.answers()]
     both = analysis.predict([bare, frame])
     assert both.error_ra == pytest.approx(whole.error_ra)
-    assert both.inside == pytest.approx(whole.inside)
     assert [e["error"] for e in both.to_dict()["logs"]] == pytest.approx(
         [np.nan, whole.error_ra], nan_ok=True, rel=1e-5
     )
@@ -203,7 +197,6 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
     half = analysis.predict(frame.drop(columns="shoulder.tau"))
     assert_allclose(half.predicted, whole.predicted, rtol=1e-12)
     assert not half.known[:, 0].any()
-    assert np.isfinite(half.error_ra)
 
 
 def test_torque_moves_the_robot_as_it_moved(without_noise):

@@ -6,17 +6,19 @@ other motion and omitted effects (`judge`), and one model is selected.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from identifiability.effects.base import move_mounting
+from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.cutoff import STEP
 from identifiability.estimation.estimate import Kind, Method, find_estimator
 from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.groups import MissingEffects
+from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
@@ -45,7 +47,7 @@ from identifiability.regression.reduction import (
     build_comparison,
     ladder_model,
 )
-from identifiability.robot import RobotLike
+from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.case import Case, Data, WeightedRows, comparable_entry, take_case
 from identifiability.workflows.sides import report_loads
 
@@ -96,6 +98,20 @@ def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[
     entry = move_mounting(data.robot, sure)
     moved = Finding("imu_moved", entry=entry) if entry else ""
     return [*filter(None, (moved, compare_logs(data.samples, result, missing)))]
+
+
+def say_delays(robot: Robot, missing: MissingEffects) -> Iterator[Finding]:
+    """Yield by how much commands act later than was stated or found, where they seem to."""
+    for effect in missing.shares:
+        group = effect.term.group
+        if group.family != CommandDelay.name or 1 - effect.weight > effect.weight:
+            continue
+        assert robot.servo is not None
+        joints = robot.motor_joints if group.place == EVERYWHERE else (group.place,)
+        sd = np.linalg.norm(effect.root, axis=0)
+        values = zip(joints, 1e3 * effect.value, 1e3 * sd, strict=False)
+        each = [f"{joint} {late:+.2g} ± {error:.1g}" for joint, late, error in values]
+        yield Finding("late_commands", each=each, stated=robot.servo.delay is not None)
 
 
 def predict_everywhere(
@@ -337,6 +353,7 @@ def conclude_analysis(
     results, nothing = doubt(data.misread, results, selected)
     hints = [*data.hints, rows.outlier_hint, found.short]
     hints += () if data.recordings.commanded else say_band(data.band)
+    hints += say_delays(data.robot, missing)
     if not data.explained:  # exchanged columns, a wrong unit or late torque explain the rest
         hints += say_of_fit(data, results[selected], missing.functions)
     account = int(results[selected].physical_used)
