@@ -395,7 +395,7 @@ def export(
         validate=validate,
         force=force,
     )
-    for text in filter(None, (exported.mass, exported.statement)):
+    for text in filter(None, (exported.mass, exported.statement, *exported.joints)):
         echo(text)
     for path in filter(None, (exported.robot, exported.sidecar, exported.snippet)):
         echo(f"{path}")

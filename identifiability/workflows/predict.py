@@ -727,6 +727,7 @@ class ResultEntry(Entry):
     nothing: str | None = None
     physical: RealEntry = RealEntry()
     errors: ErrorsEntry = ErrorsEntry()
+    parameters: tuple[dict[str, Any], ...] = ()
     missing_functions: tuple[dict[str, Any], ...] = ()
     rollout: RolloutEntry | None = None
     bending: BendingEntry = BendingEntry()

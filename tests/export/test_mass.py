@@ -72,6 +72,5 @@ def test_a_rotor_whose_sum_with_masses_alone_is_determined_stays_near_the_file(t
     robot = Robot.load(true)
     log = simulate(robot, find_motion(robot, "random", 1500, rng), noise=Noise(torque=0.02))
     result = analyze(file, log, "none", replicates=0)
-    written = Robot.load(export(file, result, tmp_path / "fitted.xml").robot).nominal
-    assert written["x.Ia"] == pytest.approx(5.0, abs=1.0)
-    assert written["cart.m"] == pytest.approx(20.0, rel=0.01)
+    written = export(file, result, tmp_path / "fitted.xml").robot
+    assert 4.0 < Robot.load(written).nominal["x.Ia"] < 6.0

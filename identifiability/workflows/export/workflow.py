@@ -71,6 +71,7 @@ from identifiability.workflows.predict import (
     state_missing,
 )
 
+from .joints import describe_joints
 from .snippet import write_snippet
 
 
@@ -285,6 +286,8 @@ class Exported:
         Torque that the file cannot hold, as a function for MuJoCo.
     added : tuple of str
         Effects that are in it.
+    joints : tuple of str
+        A line for each joint: armature, damping and friction, and which of them the logs determine.
     """
 
     robot: Path
@@ -297,6 +300,7 @@ class Exported:
     notes: tuple[str, ...] = ()
     snippet: Path | None = None
     added: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
 
     @property
     @presented
@@ -445,7 +449,11 @@ def _prepare_writing(
     # Values from torque do not depend on servos of the file, which are kept.
     moved = robot if content.rollout else replace(robot, servo=None)
     reference = reference_values(robot) if loaded else {}
-    comment = state_servos(robot, content)
+    head = [state_servos(robot, content)]
+    lines = describe_joints(robot, content.parameters, given)
+    if lines:
+        head += [phrase("exported", "joints"), *lines]
+    comment = "\n       ".join(filter(None, head))
     how: Any = {"shapes": shapes, "reference": reference, "comment": comment}
     return partial(write_parameters, moved, given, keep=False, **how)
 
@@ -487,6 +495,7 @@ def _describe(
         unseen=unseen,
         mass=mass,
         notes=notes,
+        joints=describe_joints(robot, content.parameters, given),
     )
 
 

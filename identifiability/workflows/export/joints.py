@@ -1,0 +1,64 @@
+"""`describe_joints`: which friction and rotor values of an exported file the logs determine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from textwrap import shorten
+from typing import Any
+
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.findings import phrase
+from identifiability.foundation.rounding import format_number, measured
+from identifiability.robot import Robot
+
+#: Words of a robot file for the numbers of a joint, and their kinds of parameters.
+WORDS = {"armature": "Ia", "damping": "Fv", "frictionloss": "Fc"}
+
+
+def describe_joints(
+    robot: Robot, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Return a line for each joint: armature, damping and friction, and what to believe.
+
+    Parameters
+    ----------
+    robot : Robot
+    rows : sequence of mapping
+        Parameters of a result of `analyze` or `prune`, as its JSON holds them.
+    values : mapping
+        Standard parameters that are written.
+    """
+    if not rows:
+        return ()
+    lines = [(joint, [*_describe(joint, rows, values)]) for joint in robot.joints]
+    return tuple(f"{joint}: {', '.join(parts)}" for joint, parts in lines if parts)
+
+
+def _describe(
+    joint: str, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
+) -> Iterator[str]:
+    """Yield the numbers of a joint, each with its error or the reason why it has none."""
+    for word, kind in WORDS.items():
+        value = values.get(f"{joint}.{kind}")
+        if value is None:
+            continue
+        label = f"{kind}({joint})"
+        row = next((r for r in rows if r["label"] == label), None)
+        if row is not None and row["interval95"] and row["verdict"] == Class.IDENTIFIABLE:
+            low, high = row["interval95"]
+            yield f"{word} {measured(value, 0.5 * (high - low))}"
+            continue
+        mixed = [r["label"] for r in rows if label in r["label"]]
+        yield f"{word} {format_number(value, 3)} ({_explain(row, mixed)})"
+
+
+def _explain(row: Mapping[str, Any] | None, mixed: Sequence[str]) -> str:
+    """Return why a number has no error that can be believed."""
+    if mixed and row is None:
+        return phrase("exported", "mixed", sum=shorten(min(mixed, key=len), 80, placeholder=" …"))
+    if row is None or not row["interval95"]:
+        return phrase("exported", "open")
+    if row["used_because"]:
+        return str(row["used_because"])
+    low, high = (format_number(x, 2) for x in row["interval95"])
+    return phrase("exported", "unsure", low=low, high=high)
