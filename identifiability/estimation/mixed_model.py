@@ -17,13 +17,14 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.special import log_ndtr, ndtri, softmax
 
 from identifiability.foundation.linalg import ROUNDOFF, find_chains
 from identifiability.foundation.names import Array
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import frozen, remember
 from identifiability.regression.information import ActuatorBlocks, Information, factor_each
 
 from .gaussian import Normal
@@ -354,7 +355,17 @@ class MixedModel:
         among : sequence of Group, optional
             By default all that are not among the terms.
         """
-        asked = self.beside(terms) if among is None else list(among)
+        if among is not None:
+            return self._gains(terms, among)
+        key = tuple((t.group, t.member, t.variance) for t in terms)
+        return remember(self.made, key, lambda: self._gains(terms, self.beside(terms)), 4)
+
+    @cached_property
+    def made(self) -> dict[Any, Any]:
+        """The last gains of all groups, by the terms that they were given."""
+        return {}
+
+    def _gains(self, terms: Terms, asked: Sequence[Group]) -> list[Term]:
         s = self.solve(terms)
         sets = [at for g in asked for at in g.members]
         every = np.unique(np.concatenate([np.empty(0, int), *sets]))
@@ -566,8 +577,8 @@ class MixedModel:
         """Return the competing explanations of a term ("A or B"), the likeliest first."""
         own = terms[which]
         rest = without(terms, which)
-        among = [g for g in self.beside(rest) if g.key != own.key]
-        return [t for t in self.gains(rest, among) if t.odds > own.odds - RULES.rival]
+        others = [t for t in self.gains(rest) if t.key != own.key]
+        return [t for t in others if t.odds > own.odds - RULES.rival]
 
     def alternatives(
         self, terms: Terms = (), unpriced: Collection[str] = ()

@@ -27,17 +27,7 @@ from identifiability.robot.locate import LARGEST
 
 from .cad_prior import WEIGHTS, CadPrior, draw_bodies, state_rows
 from .fitted_model import FittedModel, LeastSquares, PhysicalSet, physical_set
-from .project import (
-    COLUMN,
-    EXACTER,
-    LOWER,
-    PRESENT,
-    ROW,
-    TWICE,
-    FeasibleEstimate,
-    Projection,
-    unsolved,
-)
+from .project import FeasibleEstimate, Projection, solve_cones
 from .pseudo_inertia import BOUNDARY, check_body
 from .rules import RULES
 
@@ -486,39 +476,20 @@ def _most_room(
     ValueError
         When the solver finds no answer.
     """
-    # cvxpy would state this program in a line, but takes a third of a second to import.
-    import clarabel  # noqa: PLC0415
-    from scipy.sparse import csc_array  # noqa: PLC0415
-
-    # minimise −t with offset − constraint @ (t, u) in the cones
-    unknowns = 1 + rows.shape[1]
-    goal = -np.eye(unknowns)[0]
-    room = np.hstack([np.ones((len(rows), 1)), -rows])
-    signs = np.vstack([-goal, room])
     unit = np.eye(4).reshape(16, 1)
     one = np.broadcast_to(unit, (len(maps), 16, 1))
-    squares = TWICE[:, None] * np.concatenate([one, -maps], axis=2)[:, LOWER]
-    constraint = csc_array(np.vstack([signs, squares.reshape(-1, unknowns)]))
-    offset = np.concatenate([[1.0], slack, (TWICE * at[:, LOWER]).ravel()])
-    cones = [clarabel.NonnegativeConeT(len(signs)), *[clarabel.PSDTriangleConeT(4)] * len(maps)]
-    curvature = csc_array((unknowns, unknowns))
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    for options in ({}, EXACTER):
-        for name, value in options.items():
-            setattr(settings, name, value)
-        solver = clarabel.DefaultSolver(curvature, goal, constraint, offset, cones, settings)
-        found = solver.solve()
-        if found.status == clarabel.SolverStatus.Solved:
-            break
-    if str(found.status) not in PRESENT:
-        raise unsolved("certificate", found.status)
-    t, *u = found.x
-    dual = np.array(found.z)
-    Z = np.zeros((len(maps), 4, 4))
-    of_bodies = dual[len(signs) :]
-    Z[:, ROW, COLUMN] = Z[:, COLUMN, ROW] = of_bodies.reshape(-1, 10) / TWICE
-    return np.array(u), t, dual[1 : len(signs)], Z.reshape(-1, 16)
+    last = np.eye(1 + rows.shape[1])[:1]
+    (t, *u), dual, Z, _ = solve_cones(
+        "certificate",
+        np.zeros(last.size),
+        -last[0],
+        np.zeros((0, last.size)),
+        np.vstack([-last, np.hstack([-np.ones((len(rows), 1)), rows])]),
+        np.append(1.0, slack),
+        np.concatenate([-one, maps], axis=2),
+        at,
+    )
+    return np.array(u), float(t), dual[1:], Z
 
 
 def _column_scale(G: Array, beta: Array, region: PhysicalSet) -> Array:

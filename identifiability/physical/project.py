@@ -196,13 +196,48 @@ class Projection:
         return found if holds else None
 
     def _solve_generally(self, program: Program) -> Optimum:
-        """Return the optimum as cvxpy states it and Clarabel finds it.
+        """Return the optimum as Clarabel finds it, under a prior as cvxpy states it.
 
-        cvxpy is imported here: half a second that most fits need not spend.
+        cvxpy is imported for a prior alone: half a second that most fits need not spend.
+        """
+        stiff = program.stiff[:, None] * program.along.T
+        factor = np.asarray(np.linalg.qr(stiff, mode="r"))  # it is sparser
+        held = self.held.rows * program.scale
+        if self.prior is not None:
+            return self._solve_with_prior(self.prior, program, factor, held)
+        # The solver's accuracy is relative to the changes by feasibility, not to the data. Unknowns
+        # are the image of a step, whose square is the cost, and the step of scaled parameters.
+        q, p = factor.shape
+        cones = self.region.cones
+        found, dual, Z, accurate = solve_cones(
+            "projection",
+            np.append(np.full(q, 2.0), np.zeros(p)),
+            np.zeros(q + p),
+            np.vstack([np.hstack([np.eye(q), -factor]), np.pad(held, ((0, 0), (q, 0)))]),
+            np.pad(self.region.scaled_rows, ((0, 0), (q, 0))),
+            program.slack,
+            np.pad(cones, ((0, 0), (0, 0), (q, 0))),
+            cones @ program.free - self.margin * np.eye(4).ravel(),
+        )
+        pressure = np.append(np.linalg.norm(Z, axis=1), dual)
+        return Optimum(program.along.T @ found[q:], pressure, accurate)
+
+    def _solve_with_prior(
+        self, prior: CadPrior, program: Program, factor: Array, held: Array
+    ) -> Optimum:
+        """Return the optimum under a prior.
+
+        Parameters
+        ----------
+        prior : CadPrior
+        program : Program
+        factor : (q, p)
+            The cost is the square of its product with the step.
+        held : (k, p)
+            Combinations that the step leaves alone.
         """
         import cvxpy as cp  # noqa: PLC0415
 
-        # The solver's accuracy is relative to the changes by feasibility, not to the data.
         step = cp.Variable(len(program.free))
         image = cp.Variable(len(program.stiff))
 
@@ -211,14 +246,10 @@ class Projection:
 
         signs = self.region.scaled_rows @ step + program.slack >= 0
         bodies = [J >> self.margin * np.eye(4) for J in square(self.region.cones)]
-        factor = np.linalg.qr(program.stiff[:, None] * program.along.T, mode="r")  # it is sparser
-        linked = image == factor @ step
-        held = (self.held.rows * program.scale) @ step == 0
-        cost = cp.sum_squares(image)
-        if self.prior is not None:
-            away = [cp.trace(J) - cp.log_det(J) - 4 for J in square(self.nominal)]
-            cost += self.prior.weight * sum(away)
-        problem = cp.Problem(cp.Minimize(cost), [linked, held, signs, *bodies])
+        away = [cp.trace(J) - cp.log_det(J) - 4 for J in square(self.nominal)]
+        cost = cp.sum_squares(image) + prior.weight * sum(away)
+        linked = [image == factor @ step, held @ step == 0]
+        problem = cp.Problem(cp.Minimize(cost), [*linked, signs, *bodies])
         accurate = _solve_stated(problem)
         pressure = np.append([np.linalg.norm(J.dual_value) for J in bodies], signs.dual_value)
         z = program.along.T @ step.value
@@ -325,6 +356,70 @@ def unsolved(program: str, status: Any) -> ValueError:
         f"{program}: the solver found no answer ({status}); expected one, since every "
         f"body has room; {ADVICE}."
     )
+
+
+def solve_cones(
+    program: str,
+    square: Array,
+    goal: Array,
+    equal: Array,
+    rows: Array,
+    slack: Array,
+    maps: Array,
+    at: Array,
+) -> tuple[Array, Array, Array, bool]:
+    """Return the optimum of a program in cones, as Clarabel finds it.
+
+    minimise ``½ square @ u² + goal @ u`` over ``equal @ u = 0``, ``rows @ u + slack ≥ 0`` and
+    ``maps @ u + at ⪰ 0``
+
+    Parameters
+    ----------
+    program : str
+        Its name, for the error.
+    square, goal : (n,)
+    equal : (e, n)
+    rows, slack : (m, n) and (m,)
+    maps, at : (k, 16, n) and (k, 16)
+        Symmetric matrices of four by four, flattened.
+
+    Returns
+    -------
+    u : (n,)
+    multipliers : (m,) and (k, 16)
+        Of rows and matrices.
+    accurate : bool
+
+    Raises
+    ------
+    ValueError
+        When the solver finds no answer.
+    """
+    import clarabel  # noqa: PLC0415
+    from scipy.sparse import csc_array, diags_array  # noqa: PLC0415
+
+    squares = (TWICE[:, None] * maps[:, LOWER]).reshape(-1, len(goal))
+    constraint = csc_array(-np.vstack([equal, rows, squares]))
+    offset = np.concatenate([np.zeros(len(equal)), slack, (TWICE * at[:, LOWER]).ravel()])
+    cones = [clarabel.ZeroConeT(len(equal)), clarabel.NonnegativeConeT(len(rows))]
+    cones += [clarabel.PSDTriangleConeT(4)] * len(maps)
+    curvature = csc_array(diags_array(square))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    for options in ({}, EXACTER):
+        for name, value in options.items():
+            setattr(settings, name, value)
+        solver = clarabel.DefaultSolver(curvature, goal, constraint, offset, cones, settings)
+        found = solver.solve()
+        if found.status == clarabel.SolverStatus.Solved:
+            break
+    if str(found.status) not in PRESENT:
+        raise unsolved(program, found.status)
+    _, multipliers, of_bodies = np.split(found.z, np.cumsum([len(equal), len(rows)]))
+    Z = np.zeros((len(maps), 4, 4))
+    Z[:, ROW, COLUMN] = Z[:, COLUMN, ROW] = of_bodies.reshape(-1, 10) / TWICE
+    accurate = found.status == clarabel.SolverStatus.Solved
+    return np.array(found.x), multipliers, Z.reshape(-1, 16), accurate
 
 
 def _solve_stated(problem: Any) -> bool:
@@ -447,7 +542,7 @@ def _follow_chain(
     bent = float(bend @ z**2)
     weight = max(weights[0], bent / (8 * max(len(bodies), 1)))
     slack = np.abs(sign @ z + room) + 0.01
-    y = weight / slack
+    y = 1.0 / slack
     at = 0
     left = STEPS
     reach = 1.0
