@@ -254,7 +254,7 @@ class Objective:
             return G, Workspace(missing, nowhere, missing, nowhere)
         step = self.series.period / samples
         space = survey(robot, self.limits, motion, samples, m, step, self.drive)
-        W = self.question.model.all_sensors(robot, motion)[:, :, self.question.columns]
+        W = self.question.model.all_sensors(robot, motion).take(self.question.columns, axis=2)
         sensors = W.shape[1] // n
         weights = np.tile(known.weights, sensors)
         W *= np.sqrt(weights * known.samples / samples)[:, None]
