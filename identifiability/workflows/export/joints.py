@@ -8,6 +8,7 @@ from typing import Any
 
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.findings import phrase
+from identifiability.foundation.quoting import for_terminal
 from identifiability.foundation.rounding import format_number, measured
 from identifiability.robot import Robot
 
@@ -31,7 +32,8 @@ def describe_joints(
     if not rows:
         return ()
     lines = [(joint, [*_describe(joint, rows, values)]) for joint in robot.joints]
-    return tuple(f"{joint}: {', '.join(parts)}" for joint, parts in lines if parts)
+    # Names with line ends would break the lines of a patch.
+    return tuple(for_terminal(f"{joint}: {', '.join(parts)}") for joint, parts in lines if parts)
 
 
 def _describe(
