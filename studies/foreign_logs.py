@@ -113,7 +113,7 @@ def predict(regression: Regression, result: Analysis) -> np.ndarray:
         if len(model.submodel) > len(full.submodel):
             full = model
     values = full.submodel.expand(full.estimate.value)
-    return np.concatenate([W @ values for _, _, W, _ in regression.chunks()])
+    return np.concatenate([c.W @ values for c in regression.chunks()])
 
 
 def compare(case: Case, result: Analysis) -> float:

@@ -33,7 +33,7 @@ def exact(structure):
     ddq = -(size * rates**2 * np.sin(angle)).sum(1)
     log = Log("exact", structure.robot.joints, t, q, np.cos(q), dq, ddq, "")
     samples = prepare_log(structure.robot, log, Preparation(keep_rest=True))
-    W = np.concatenate([W.copy() for _, _, W, _ in structure.regression([samples]).chunks()])
+    W = np.concatenate([c.W for c in structure.regression([samples]).chunks()])
     return replace(log, tau=W @ structure.nominal_base)
 
 

@@ -316,7 +316,7 @@ class FunctionOfVelocity(Shaped):
         pieces = splines(fine_at_rest(at.speed, self.shape(at.robot, at.axis))).T
         low = pieces[: len(pieces) // 2]
         high = pieces[: len(pieces) // 2 - 1 : -1]
-        return [np.sign(at.speed), *(high - low), *(high + low)]
+        return [at.sign, *(high - low), *(high + low)]
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return the limit of the speed [rad/s or m/s]."""

@@ -11,7 +11,7 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -32,8 +32,8 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.prepare.dataset import Piece
+from identifiability.logs.rows import WINDOW
 from identifiability.regression.columns import (
-    PIECE,
     Candidate,
     Entries,
     Present,
@@ -43,7 +43,7 @@ from identifiability.regression.columns import (
 )
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.regression import LogPart, Regression, choose_windows, inside
+from identifiability.regression.regression import LogPart, Regression, choose_windows
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
@@ -85,9 +85,7 @@ class Excerpt:
     runs : JointRuns
         Stretches of data without gaps, of each joint.
     pieces : tuple of Piece
-        Of the motion, which effects are computed along.
-    seen : (N,) int
-        Which outputs of the pieces the rows are.
+        Of the motion at these rows, which effects are computed along.
     """
 
     robot: Robot
@@ -99,12 +97,11 @@ class Excerpt:
     log: np.ndarray
     runs: JointRuns
     pieces: tuple[Piece, ...]
-    seen: np.ndarray
 
     @staticmethod
     def of(regression: Regression, most: tuple[int, int, int] = EXCERPT) -> Excerpt:
         """Return the rows of a regression, without instruments; an excerpt if there are many."""
-        parts, pieces, seen = _look_at(regression, most)
+        parts, pieces = _look_at(regression, most)
         chunks = [chunk for part in parts for chunk in part.shown()]
         t = np.concatenate([c.t for c in chunks])
         log = np.concatenate([np.full(len(c.t), c.log) for c in chunks])
@@ -115,7 +112,7 @@ class Excerpt:
         kinds = ("W", "tau", "raw", "data")
         X, y, raw, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in kinds)
         own = split_runs(runs, data)
-        return Excerpt(regression.robot, X, y, raw, data, t, log, own, pieces, seen)
+        return Excerpt(regression.robot, X, y, raw, data, t, log, own, pieces)
 
     @cached_property
     def centre(self) -> Array:
@@ -145,36 +142,21 @@ class Excerpt:
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
         """Return the torque (N,) of candidates by joint and column, where it is not zero."""
         parts = [(c.part, c.columns) for c in candidates]
-        found = compute_entries(self.robot, parts, self.pieces, self.seen)
+        found = compute_entries(self.robot, parts, self.pieces)
         return {at: x * self.data[:, at[0]] for at, x in found.items()}
 
 
 def _look_at(
     regression: Regression, most: tuple[int, int, int]
-) -> tuple[list[LogPart], tuple[Piece, ...], np.ndarray]:
-    """Return parts of a regression without instruments, their pieces, and outputs (N,) to see."""
+) -> tuple[list[LogPart], tuple[Piece, ...]]:
+    """Return parts of a regression without instruments, and the pieces that are looked at."""
     plain = regression
     if regression.instruments is not None:
         plain = replace(regression, instruments=None)
     windows = choose_windows([s.outputs for s in plain.samples], most)
-    parts = list[LogPart]()
-    pieces = list[Piece]()
-    seen = [np.empty(0, int)]
-    outputs = 0
-    for part in (replace(part, windows=windows[part.log]) for part in plain.parts()):
-        if not part.is_shown:
-            continue
-        parts.append(part)
-        start = part.start
-        for piece in part.samples.pieces(PIECE):
-            stop = start + len(piece.motion.t[piece.at])
-            found = [rows for _, rows in inside(windows[part.log], start, stop)]
-            if found:
-                pieces.append(piece)
-                seen += [outputs + np.arange(rows.start, rows.stop) for rows in found]
-                outputs += stop - start
-            start = stop
-    return parts, tuple(pieces), np.concatenate(seen)
+    parts = [replace(part, windows=windows[part.log]) for part in plain.parts()]
+    pieces = (part.samples.pieces(WINDOW, part.windows - part.start) for part in parts)
+    return parts, tuple(chain.from_iterable(pieces))
 
 
 @frozen
@@ -205,14 +187,15 @@ class Missing:
     def of(regression: Regression, families: Sequence[Family], present: Present) -> Missing:
         """Return the candidates of families that a model does not have."""
         robot = regression.robot
-        _, pieces, rows = _look_at(regression, EXCERPT)
+        _, pieces = _look_at(regression, EXCERPT)
         motions = [piece.motion for piece in pieces]
         listed, _ = list_candidates(robot, families, present, motions, fixed=False)
         candidates = with_reversals(robot, listed, present)
         columns = sum(len(c.columns) for c in candidates)
         most = max(NUMBERS // (columns * len(robot.actuated) or 1), EXCERPT[1])
         few = (most, EXCERPT[1], most // EXCERPT[1])
-        return Missing(candidates, Excerpt.of(regression, few if len(rows) > most else EXCERPT))
+        rows = sum(len(piece.moves) for piece in pieces)
+        return Missing(candidates, Excerpt.of(regression, few if rows > most else EXCERPT))
 
     @cached_property
     def entries(self) -> Entries:

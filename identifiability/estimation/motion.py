@@ -337,12 +337,12 @@ def _fit(structure: Structure, samples: Sequence[Dataset]) -> Estimate:
 def gather_rows(structure: Structure, samples: Sequence[Dataset], size: int = ROWS) -> Information:
     """Return the information of few rows, which are held in memory, in blocks of a size."""
     regression = structure.regression(samples)
-    logs, _, columns, torque = zip(*regression.chunks(), strict=True)
-    log = np.repeat(logs, [len(tau) for tau in torque])
+    chunks = [*regression.chunks()]
+    log = np.concatenate([np.full(len(c.t), c.log) for c in chunks])
     moves = np.concatenate([s.weight > 0 for s in samples])
     names = [p.name for p in regression.parameters]
-    W = np.concatenate(columns)
-    tau = np.concatenate(torque)
+    W = np.concatenate([c.W for c in chunks])
+    tau = np.concatenate([c.tau for c in chunks])
     return Information.of_rows(names, W, tau, log, size, moves=moves)
 
 

@@ -394,7 +394,7 @@ def predict_all(regression: Regression, tasks: Sequence[Task]) -> list[Predictio
     every = [list[Array]() for _ in tasks]
     shape = 2, 2, len(surveys), len(surveys[0].rows)
     errors = [np.zeros((*shape, task.values.shape[2])) for task in tasks]
-    for part in filter(lambda part: part.is_shown, regression.parts()):
+    for part in regression.parts():
         for chunk in part.shown():
             data = chunk.data | part.regression.dwelling
             log = np.full(len(chunk.t), chunk.log)

@@ -239,9 +239,13 @@ class Decimation:
     ----------
     factor : int
         Every `factor`-th sample is kept.
+    every : int
+        Samples from one at which columns are computed to the next, because the motion was
+        low-passed: an odd divisor of the factor.
     """
 
     factor: int
+    every: int = 1
 
     @cached_property
     def taps(self) -> Array:

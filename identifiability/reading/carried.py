@@ -242,7 +242,7 @@ def _relative_error(structure: Structure, samples: Dataset, base: Array, free: A
         Directions in which these are fitted to the log.
     """
     regression = structure.regression((samples,))
-    chunks = [chunk for part in regression.parts() for chunk in part.chunks()]
+    chunks = [*regression.chunks()]
     columns = np.concatenate([chunk.W for chunk in chunks])
     torque = np.concatenate([chunk.tau for chunk in chunks])
     size = np.sqrt(np.mean(torque**2, axis=0))

@@ -129,7 +129,7 @@ def constant_torque(excerpt: Excerpt) -> Array:
     """Return rows of a constant torque of each joint in each log, (n, N, L)."""
     ones = [replace(piece, tau=np.ones_like(piece.tau)).torque for piece in excerpt.pieces]
     member = excerpt.log[:, None] == np.unique(excerpt.log)
-    return np.asarray(np.concatenate(ones)[excerpt.seen].T[..., None] * member)
+    return np.asarray(np.concatenate(ones).T[..., None] * member)
 
 
 def _key(numbers: Array) -> bytes:
@@ -452,8 +452,7 @@ class TorqueRows:
         for piece, tau in zip(self.excerpt.pieces, self._late_torque(delay), strict=True):
             weight = np.tile(piece.weight[:, [joint]], len(self.acts))
             outputs.append(replace(piece, tau=tau, weight=weight).torque)
-        every = np.concatenate(outputs)
-        return np.asarray(every[self.excerpt.seen])
+        return np.concatenate(outputs)
 
     def _late_torque(self, delay: float) -> list[Array]:
         """Return the torque columns (N, n) of each piece at a later time."""

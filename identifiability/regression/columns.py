@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby, islice
+from itertools import groupby, islice, pairwise
 
 import numpy as np
 
@@ -26,9 +26,6 @@ from identifiability.robot import Motion, Robot
 Present = Collection[tuple[str, str]]
 #: Why a family is not tried where it is.
 HAS = "the model has it already"
-#: Samples that columns are computed of at a time.
-PIECE = 8192
-
 #: Torque (N,) by joint and column, where it is not zero everywhere.
 Entries = dict[tuple[int, int], Array]
 
@@ -185,9 +182,8 @@ def compute_entries(
     robot: Robot,
     parts: Sequence[tuple[Part, Sequence[int]]],
     pieces: Sequence[Piece],
-    seen: np.ndarray,
 ) -> Entries:
-    """Return the nonzero torque of parts of effects along logs, after decimation.
+    """Return the nonzero torque of parts of effects along pieces of logs, after decimation.
 
     Parameters
     ----------
@@ -195,28 +191,22 @@ def compute_entries(
     parts : sequence of (Part, columns)
         With the column that each of its parameters has.
     pieces : sequence of Piece
-        Of the logs.
-    seen : (N,) int
-        Outputs of the pieces that are returned, in order. Pieces have many more.
     """
     layout = _lay_out(robot, parts)
     entries: Entries = {}
-    outputs = 0
-    for piece in pieces:
-        first = outputs
-        outputs += len(piece.motion.t[piece.at])
-        start, stop = np.searchsorted(seen, [first, outputs]).tolist()
-        chosen = seen[start:stop] - first
-        found = _list_columns(robot, layout, piece.motion)
+    ends = np.cumsum([0, *(len(piece.moves) for piece in pieces)]).tolist()
+    for piece, (start, stop) in zip(pieces, pairwise(ends), strict=True):
+        nodes = piece.sparse
+        found = _list_columns(robot, layout, nodes.motion)
         while few := [*islice(found, TOGETHER)]:
             joints = np.array([joint for joint, *_ in few])
             rows = np.array([torque for *_, torque in few]).T
-            low_passed = piece.down(piece.silenced(rows, joints))
-            weighed = piece.weighed(low_passed, joints)[chosen]
+            low_passed = nodes.down(nodes.silenced(rows, joints))
+            weighed = nodes.weighed(low_passed, joints)
             for (joint, column, _), values in zip(few, weighed.T, strict=True):
                 at = joint, column
                 if at not in entries:
-                    entries[at] = np.zeros(len(seen))
+                    entries[at] = np.zeros(ends[-1])
                 entries[at][start:stop] = values
     return entries
 

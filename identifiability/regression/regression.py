@@ -233,14 +233,6 @@ def choose_windows(
     return tuple(out)
 
 
-def inside(windows: np.ndarray, start: int, stop: int) -> list[tuple[int, slice]]:
-    """Return which of the samples [start, stop) lie in windows (w, 2), by number of the window."""
-    low = np.maximum(windows[:, 0], start)
-    high = np.minimum(windows[:, 1], stop)
-    found = np.flatnonzero(low < high).tolist()
-    return [(k, slice(int(low[k]) - start, int(high[k]) - start)) for k in found]
-
-
 # `Part` of a regression: a log, or a stretch of a long one, computed chunk by chunk.
 
 
@@ -306,15 +298,11 @@ class Chunk:
             return self.W
         return np.concatenate([V, self.W], axis=2)
 
-    def inside(self, windows: np.ndarray) -> list[Chunk]:
-        """Return copies of its rows that lie in windows of the log, (w, 2), a chunk for each."""
-        found = []
-        for _, rows in inside(windows, self.start, self.start + len(self.t)):
-            values = vars(self).items()
-            arrays = ((k, v) for k, v in values if isinstance(v, np.ndarray))
-            own: dict[str, Any] = {k: v[rows].copy() for k, v in arrays}
-            found.append(replace(self, start=self.start + rows.start, **own))
-        return found
+    def rows(self, start: int, stop: int) -> Chunk:
+        """Return a copy of some of its rows."""
+        arrays = {k: v for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        own: dict[str, Any] = {k: v[start:stop].copy() for k, v in arrays.items()}
+        return replace(self, start=self.start + start, **own)
 
 
 @frozen
@@ -362,29 +350,21 @@ class LogPart:
 
     def shown(self) -> Iterator[Chunk]:
         """Yield the chunks of its windows alone."""
-        every = self._computed(self.windows) if self.kept is None else self.chunks()
-        for chunk in every:
-            yield from chunk.inside(self.windows)
-
-    @property
-    def is_shown(self) -> bool:
-        """Whether any window reaches into it, or it is empty."""
-        count = self.samples.outputs
-        return not count or bool(inside(self.windows, self.start, self.start + count))
+        if self.kept is None:
+            yield from self._computed(self.windows - self.start)
+            return
+        for chunk in self.chunks():
+            windows = (self.windows - chunk.start).clip(0, len(chunk.t))
+            yield from (chunk.rows(a, b) for a, b in windows.tolist() if a < b)
 
     def _computed(self, windows: np.ndarray | None = None) -> Iterator[Chunk]:
-        """Yield its chunks, or those that reach into windows."""
+        """Yield its chunks, or those of some windows of its outputs."""
         r = self.regression
-        start = self.start
         widths = r.model.widths(r.robot)
         both = [*r.samples, *(r.instruments or ())]
         size = rows_at_once(r.robot, widths)
-        for piece, *others in zip(*(x.pieces(size) for x in both), strict=False):
+        for piece, *others in zip(*(x.pieces(size, windows) for x in both), strict=False):
             t = piece.motion.t[piece.at]
-            first = start
-            start += len(t)
-            if windows is not None and not inside(windows, first, start):
-                continue
             W, *instruments = (self._regressor(x, widths) for x in (piece, *others))
             if any(V.shape != W.shape for V in instruments):
                 raise ValueError("instruments need as many samples as the log that they stand for")
@@ -394,10 +374,11 @@ class LogPart:
                 piece = replace(piece, weight=np.ones_like(piece.weight))  # noqa: PLW2901 - it all
             V = piece.weighed(instruments[0]) if instruments else None
             what = piece.weighed(W), piece.torque, piece.raw, t, velocity, moves, V
-            yield Chunk(self.log, first, *what)
+            yield Chunk(self.log, self.start + piece.first, *what)
 
     def _regressor(self, piece: Piece, widths: Sequence[int]) -> Array:
         r = self.regression
+        piece = piece.sparse
         acts, acting = self._acting(piece.motion, widths)
         joints, places = np.nonzero(acts)
         acting = acting if r.dwelling else piece.silenced(acting, joints)
@@ -480,26 +461,18 @@ class Regression:
         """Samples [start, stop) of each log that are looked at one by one, (w, 2) each."""
         return choose_windows([s.outputs for s in self.samples])
 
-    def chunks(self) -> Iterator[tuple[int, int, Array, Array]]:
-        """Yield ``(log, start, W (m, n, p), tau (m, n))`` in order of time, log by log."""
-        for part in self.parts(whole=True):
-            for chunk in part.chunks():
-                yield chunk.log, chunk.start, chunk.W, chunk.tau
+    def chunks(self) -> Iterator[Chunk]:
+        """Yield its chunks in order of time, log by log."""
+        for part in self.parts():
+            yield from part.chunks()
 
-    def parts(self, *, whole: bool = False) -> list[LogPart]:
-        """Return the regression divided into tasks: stretches of long logs, others whole.
-
-        Parameters
-        ----------
-        whole : bool
-            Do not divide any log.
-        """
+    def parts(self) -> list[LogPart]:
+        """Return the regression divided into tasks: stretches of long logs, others whole."""
         out = []
         for k, samples in enumerate(self.samples):
             both = [samples, *(self.instruments or ())[k : k + 1]]
-            divided = ([x] if whole else x.divided() for x in both)
             start = 0
-            for one, *beside in zip(*divided, strict=True):
+            for one, *beside in zip(*(x.divided() for x in both), strict=True):
                 own = replace(self, samples=(one,), instruments=tuple(beside) or None)
                 out.append(LogPart(own, k, start, self.windows[k], self._kept[k]))
                 start += one.outputs

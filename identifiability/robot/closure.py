@@ -390,6 +390,9 @@ class Motion:
         Upward direction along the axes of a floating base, and flags of closed contacts.
     drives_alone : bool
         Whether torque along it is that of the drives alone: motor torque minus link torque.
+    signs : (N, n) or None
+        Sign of the velocity of the actuated joints, averaged over the samples of the log about each
+        of these; None if these are all samples.
     """
 
     t: Array
@@ -410,13 +413,14 @@ class Motion:
     silent: Array | None = None
     touch: Array | None = None
     drives_alone: bool = False
+    signs: Array | None = None
 
     @property
     def each(self) -> dict[str, Array]:
         """Return the arrays that have a row for every sample, by name."""
         names: Strings = ("t", "q", "v", "a", "kept", "X")
         names += ("actuated_q", "actuated_v", "actuated_a")
-        names += ("smooth_v", "free", "silent", "touch")
+        names += ("smooth_v", "free", "silent", "touch", "signs")
         found = {name: getattr(self, name) for name in names}
         return {name: rows for name, rows in found.items() if rows is not None}
 
@@ -434,6 +438,8 @@ class Motion:
         row : (n,) or (N, n)
             The speed as a row of those of the actuated joints.
         """
+        if self.signs is not None:
+            return np.asarray((np.sign(row) * self.signs).sum(1))
         if self.smooth_v is None:
             return np.sign(speed)
         smooth = (row * self.smooth_v[:, 0]).sum(1)

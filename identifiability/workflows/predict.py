@@ -524,11 +524,7 @@ def _predict_chunks(
     fit: Fit, regression: Regression, measured: Sequence[bool]
 ) -> dict[str, np.ndarray]:
     """Return predicted and measured torque of all rows, as a `TorquePrediction` names them."""
-    found = [
-        _predict_rows(fit, chunk, measured[chunk.log])
-        for part in regression.parts(whole=True)
-        for chunk in part.chunks()
-    ]
+    found = [_predict_rows(fit, c, measured[c.log]) for c in regression.chunks()]
     return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
 
 

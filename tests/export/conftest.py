@@ -56,7 +56,7 @@ def replay(robot, result, log, folder):
     every = Model(tuple(f.effect for f in FAMILIES.values() if f.name != "coulomb_friction"))
     names = [p.name for p in every.parameters(copy)]
     phi = np.array([copy.nominal.get(name, 0.0) for name in names])
-    fitted = [W @ phi for _, _, W, _ in Regression(copy, every, (samples,)).chunks()]
+    fitted = [c.W @ phi for c in Regression(copy, every, (samples,)).chunks()]
     whole = error_ra(tau, np.concatenate(fitted)[data])
     stated = json.loads(path.read_text())["physical"]
     return Replayed(stated, exported, copy, *errors, whole)

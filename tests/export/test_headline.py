@@ -37,8 +37,8 @@ def errors_outside(robot, result, folder):
     motors = told.get("transmission", {"motors": (), "coupling": ()})
     along = dict(zip(motors["motors"], map(np.array, motors["coupling"]), strict=True))
     along |= dict(zip(robot.joints, np.eye(len(robot.joints)), strict=True))
-    (part,) = Regression(copy, Model.of("rigid_body"), (samples,)).parts(whole=True)
-    data = np.concatenate([chunk.data for chunk in part.chunks()])
+    chunks = Regression(copy, Model.of("rigid_body"), (samples,)).chunks()
+    data = np.concatenate([chunk.data for chunk in chunks])
     measured = []
     found = {"mujoco": [], "pinocchio": [], "beside": []}
     for piece in samples.pieces(4096):

@@ -29,8 +29,8 @@ def regression(rps, paper_model, base, noisy_log):
 @pytest.fixture
 def rows(regression):
     parts = list(regression.chunks())
-    W = np.concatenate([W for _, _, W, _ in parts])
-    tau = np.concatenate([tau for *_, tau in parts])
+    W = np.concatenate([part.W for part in parts])
+    tau = np.concatenate([part.tau for part in parts])
     return W, tau
 
 

@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import correlate1d
 
 from identifiability.foundation.engines import Engine, Serial, Steps
 from identifiability.foundation.errors import ClosureError, LogError, RobotError, listing
@@ -127,12 +128,15 @@ class Piece:
     decimation : Decimation or None
     weight : (N, n)
         Weight of each torque, from 0 for no data to 1.
+    first : int
+        Its first output among those of the dataset.
     """
 
     motion: Motion
     tau: Array
     decimation: signals.Decimation | None
     weight: Array
+    first: int
 
     def down(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, if there is any decimation."""
@@ -142,9 +146,34 @@ class Piece:
 
     @cached_property
     def _lost(self) -> Array | None:
-        """Return a mask of torque that is no data, (N, n) bool; None if all is data."""
+        """Return a mask of torque that is no data, (N, n) bool; None if all is data.
+
+        Samples between those of columns are as the nearest of these.
+        """
         lost = self.weight <= 0
-        return lost if lost.any() else None
+        every = self.decimation.every if self.decimation else 1
+        nearest = (np.arange(len(lost)) + every // 2) // every
+        return lost[every * nearest] if lost.any() else None
+
+    @property
+    def sparse(self) -> Piece:
+        """The samples of which columns are computed, with the same outputs.
+
+        The motion was low-passed, so that few samples hold all of it.
+        """
+        d = self.decimation
+        if d is None or d.every == 1:
+            return self
+        motion = self.motion[np.arange(0, len(self.motion), d.every)]
+        half = d.every // 2
+        speeds = np.pad(self.motion.actuated_v, ((half, half), (0, 0)), mode="edge")
+        mean = np.sign(speeds).reshape(len(motion), d.every, -1).mean(1)
+        # A mean over an interval lowers the second difference by a 24th.
+        signs = correlate1d(mean, np.array([-1, 26, -1]) / 24, axis=0, mode="nearest")
+        # No sample is missing between two of these.
+        motion = replace(motion, kept=motion.kept // d.every, signs=signs)
+        fewer = signals.Decimation(d.factor // d.every)
+        return Piece(motion, self.tau[:: d.every], fewer, self.weight[:: d.every], self.first)
 
     @property
     def moves(self) -> Array:
@@ -371,22 +400,34 @@ class Dataset:
             rows=rows,
         )
 
-    def pieces(self, size: int) -> Iterator[Piece]:
+    def pieces(self, size: int, windows: Array | None = None) -> Iterator[Piece]:
         """Yield pieces of about `size` samples of the motion, or of many reaches of the filter.
 
         Neighbours overlap by the reach on either side: their common samples are computed twice.
+
+        Parameters
+        ----------
+        size : int
+        windows : (w, 2) int, optional
+            Outputs [start, stop) that are wanted; all by default.
         """
         d = self.decimation
         factor, more = (1, 0) if d is None else (d.factor, 2 * d.reach)
         step = max(size, MARGINS * more) // factor
+        wanted = [[0, self.outputs]] if windows is None else windows.tolist()
+        before = 0
         for start, _, count in self.runs:
-            for first in range(0, count, step):
-                begin = start + first * factor
-                few = min(step, count - first)
-                rows = slice(begin, begin + (few - 1) * factor + more + 1)
-                yield Piece(self.motion[rows], self.tau[rows], d, self.weight[rows])
-                if self.long:
-                    forget()
+            for low, high in wanted:
+                stop = min(high - before, count)
+                for first in range(max(low - before, 0), stop, step):
+                    begin = start + first * factor
+                    few = min(step, stop - first)
+                    rows = slice(begin, begin + (few - 1) * factor + more + 1)
+                    motion = self.motion[rows]
+                    yield Piece(motion, self.tau[rows], d, self.weight[rows], before + first)
+                    if self.long:
+                        forget()
+            before += count
 
     def take(self, rows: slice | Array) -> Dataset:
         """Return some of the samples."""

@@ -54,8 +54,7 @@ def prepare_excerpt(
         Rows after decimation.
     """
     if how is None:
-        factor = find_factor(log)
-        how = Preparation(decimate=factor) if factor > 1 else Preparation()
+        how = Preparation(decimate=find_factor(log))
     # This many times as many samples are read, in longer stretches.
     read = 40
     if not (log.long and len(log) > read * most):
@@ -107,42 +106,24 @@ def _tell_windows(log: Log, windows: Sequence[tuple[int, int]]) -> Finding:
     )
 
 
-def thin_prepared(samples: Dataset, log: Log, asked: Preparation | None, most: int) -> Dataset:
-    """Return an excerpt of a prepared log.
-
-    Parameters
-    ----------
-    samples : Dataset
-        The log, prepared as a whole.
-    log : Log
-    asked : Preparation or None
-        Options of the user.
-    most : int
-        Rows after decimation.
-    """
-    if asked is None and samples.cutoff is None:
-        factor = find_factor(log)
-        samples = replace(samples, decimation=signals.Decimation(factor) if factor > 1 else None)
-    return thin(samples, most)
-
-
-def find_factor(log: Log) -> int:
+def find_factor(log: Log) -> int | None:
     """Return the decimation of measured derivatives that keeps ten times the motion's bandwidth.
 
-    It is 1 if derivatives are not measured or samples are missing, because no filter crosses a gap.
+    It is None if derivatives are not measured or samples are missing, because no filter crosses a
+    gap.
     """
     windows = [window for _, window in log.windows()]
     step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
     even = log.clock.longest < RULES.gap * step
     if not (even and {"dq", "ddq"} <= set(log.channels)):
-        return 1
+        return None
     band = RULES.cutoff_wide * bandwidth_of_windows([w.q for w in windows], step)
     cutoff = min(max(band, RULES.cutoff_lowest), RULES.cutoff_highest / step)
     factor = int(0.5 / (cutoff * step))
     # A short part of a log must keep enough rows.
     while factor > 1 and signals.Decimation(factor).outputs(len(log)) < RULES.fewest:
         factor -= 1
-    return max(factor, 1)
+    return factor if factor > 1 else None
 
 
 def thin(samples: Dataset, most: int = MOST_SAMPLES) -> Dataset:
@@ -152,22 +133,33 @@ def thin(samples: Dataset, most: int = MOST_SAMPLES) -> Dataset:
     d = samples.decimation
     length = STRETCH
     length = length if d is None else length * d.factor + 2 * d.reach
-    windows = spread(len(samples.tau), length, most // STRETCH)
-    rows = np.concatenate([np.arange(a, b) for a, b in windows])
-    note = f"{len(windows)} stretches of {STRETCH} samples, evenly spaced in time, were looked at"
+    count = max(1, min(most // STRETCH, len(samples.tau) // length))
+    starts = np.linspace(0, len(samples.tau) - length, count).astype(int)
+    rows = (starts[:, None] + np.arange(length)).ravel()
+    note = f"{count} stretches of {STRETCH} samples, evenly spaced in time, were looked at"
     return replace(samples.take(rows), notes=(*samples.notes, note))
-
-
-def spread(samples: int, length: int, most: int) -> list[tuple[int, int]]:
-    """Return at most `most` evenly spaced stretches (start, stop) of a length."""
-    possible = min(most, samples // length)
-    starts = np.linspace(0, samples - length, max(1, possible)).astype(int)
-    return [(int(s), int(s) + length) for s in starts]
 
 
 def thin_all(
     samples: Sequence[Dataset], logs: Sequence[Log], asked: Preparation | None, most: int
 ) -> tuple[Dataset, ...]:
-    """Return excerpts of prepared logs; parameters as of `thin_prepared`."""
-    pairs = zip(samples, logs, strict=True)
-    return tuple(thin_prepared(s, log, asked, most) for s, log in pairs)
+    """Return excerpts of prepared logs.
+
+    Parameters
+    ----------
+    samples : sequence of Dataset
+        The logs, prepared as a whole.
+    logs : sequence of Log
+    asked : Preparation or None
+        Options of the user.
+    most : int
+        Rows after decimation.
+    """
+    found = []
+    for each, log in zip(samples, logs, strict=True):
+        whole = each
+        if asked is None and whole.cutoff is None:
+            factor = find_factor(log)
+            whole = replace(whole, decimation=signals.Decimation(factor) if factor else None)
+        found.append(thin(whole, most))
+    return tuple(found)

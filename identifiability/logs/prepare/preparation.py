@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from math import gcd
 
 import numpy as np
 import scipy
@@ -268,6 +269,10 @@ def ever_stand(logs: Sequence[Stays]) -> bool:
     return any(x.count(int(reversals))[0] for x in logs)
 
 
+#: Samples of the motion for each output of which columns are computed, if there are so many.
+NODES = 8
+
+
 @frozen
 class Plan:
     """Decisions about a log, which hold for all its samples.
@@ -294,6 +299,8 @@ class Plan:
         Hints on it for every reader.
     band : float or None [Hz]
         Upper limit of the kept band of torque and columns with computed derivatives; else None.
+    every : int
+        Columns are computed at every so many samples if that divides the decimation.
     """
 
     step: float
@@ -306,12 +313,13 @@ class Plan:
     smoothing: Smoothing | None = None
     hints: Strings = ()
     band: float | None = None
+    every: int = 1
 
     @property
     def decimation(self) -> signals.Decimation | None:
         """The decimation, if there is any."""
         if self.factor > 1:
-            return signals.Decimation(self.factor)
+            return signals.Decimation(self.factor, gcd(self.factor, self.every))
         return None
 
     @property
@@ -844,11 +852,15 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
             "(compensated): information of gravity about masses comes from the file"
         )
     own = 1 if plan.band is None else max(1, int(0.5 / (plan.band * plan.step)))
-    plan = replace(
-        plan,
-        factor=own if how.decimate is None else how.decimate,
-        stale=stale,
-    )
+    # Signs are averaged joint by joint, and the sensor of a base is not low-passed.
+    simple = not (robot.base or robot.transmission or robot.passive_axes)
+    most = simple * own / NODES
+    if plan.cutoff is not None:
+        most = min(most, RULES.cutoff_highest / (plan.cutoff * plan.step))
+    # An odd number has as many samples on either side.
+    every = max(1, 2 * int(0.5 * most + 0.5) - 1)
+    factor = own - own % every if how.decimate is None else how.decimate
+    plan = replace(plan, factor=factor, every=every, stale=stale)
     dwells = None
     if not how.keep_rest:
         stays = Stays.of(plan, windows, raw.origins)

@@ -172,11 +172,12 @@ class ConsistentNumbers:
         j = self.structure.robot.joints.index(name.removesuffix(f".{TORQUE}"))
         largest = 0.0
         row = np.zeros(len(self.structure.base))
-        for _, _, W, tau in self.structure.regression(self.found.samples).chunks():
-            at = int(np.abs(tau[:, j]).argmax())
-            if abs(tau[at, j]) > largest:
-                largest = float(abs(tau[at, j]))
-                row = W[at, j] * np.sign(tau[at, j])
+        for chunk in self.structure.regression(self.found.samples).chunks():
+            tau = chunk.tau[:, j]
+            at = int(np.abs(tau).argmax())
+            if abs(tau[at]) > largest:
+                largest = float(abs(tau[at]))
+                row = chunk.W[at, j] * np.sign(tau[at])
         torque: Array = row @ self.structure.G
         return torque
 

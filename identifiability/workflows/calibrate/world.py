@@ -109,8 +109,7 @@ class Experiment:
     ) -> Experiment:
         """Return the experiment of samples under a model, with its method of judgement."""
         regression = structure.regression(samples)
-        parts = regression.parts(whole=True)
-        chunks = [c for part in parts for c in part.chunks()]
+        chunks = [*regression.chunks()]
         logs = [np.full(len(c.tau), c.log) for c in chunks]
         names = tuple(p.name for p in regression.parameters)
         tau = np.concatenate([c.tau for c in chunks])
@@ -172,8 +171,7 @@ class Experiment:
 
 def base_columns(regression: Regression) -> tuple[Array, Array | None]:
     """Return the columns of a regression in memory, (N, n, b), and instruments if it has any."""
-    parts = regression.parts(whole=True)
-    wide = np.concatenate([c.wide for p in parts for c in p.chunks()])
+    wide = np.concatenate([c.wide for c in regression.chunks()])
     if regression.instruments is None:
         return wide, None
     V, W = np.split(

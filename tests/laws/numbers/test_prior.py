@@ -161,8 +161,8 @@ def plant(robot, at, noise):
     """A log of base parameters that no robot has, analyzed."""
     log = logs_of(robot, (1,))[0]
     structure = Structure.of(robot, ladder_model(default_ladder(robot)))
-    parts = structure.regression([prepare_log(robot, log)]).parts()
-    rows = np.concatenate([chunk.W for part in parts for chunk in part.chunks()])
+    chunks = structure.regression([prepare_log(robot, log)]).chunks()
+    rows = np.concatenate([chunk.W for chunk in chunks])
     tau = rows @ at(structure) + noise * default_rng(3).normal(size=log.tau.shape)
     return analyze(robot, replace(log, tau=tau), replicates=0).models[0]
 

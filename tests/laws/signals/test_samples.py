@@ -81,9 +81,10 @@ def test_what_is_no_data_is_so_of_columns_and_torque_alike(two):
     rows = np.arange(3, 3000)
     s = samples_of(two, rows, 1)
     stands = ((rows // 211) % 2 == 0)[:, None] & np.array([True, False])
-    s = replace(s, tau=s.motion.actuated_a, decimation=Decimation(factor), weight=1.0 - stands)
+    s = replace(s, tau=s.motion.actuated_a, decimation=Decimation(factor, 3), weight=1.0 - stands)
     for p in s.pieces(10**6):
-        column = p.weighed(p.down(p.silenced(p.motion.actuated_a.copy())))
+        few = p.sparse
+        column = few.weighed(few.down(few.silenced(few.motion.actuated_a.copy())))
         assert 0 < p.moves[:, 0].sum() < len(p.moves)
         assert_allclose(column, p.torque, atol=2e-3 * np.abs(s.tau).max())
 
@@ -92,30 +93,34 @@ def test_decimation_keeps_the_band_up_to_the_cut_off(two):
     """Every int(½ / (f_c Δ))-th sample: the new Nyquist frequency is at least the cut-off."""
     t = 0.002 * np.arange(4000)
     log = log_of(t, dq=None, ddq=None)
-    for cutoff, factor in ((10.0, 25), (60.0, 4), (130.0, None)):
+    for cutoff, factor in ((10.0, 24), (60.0, 4)):
         d = prepare_log(two, log, Preparation(cutoff=cutoff, keep_rest=True)).decimation
-        assert (None if d is None else d.factor) == factor
+        assert d.factor == factor
     longer = log_of(0.002 * np.arange(9000), dq=None, ddq=None)
     slow = prepare_log(two, longer, Preparation(cutoff=2.0, keep_rest=True)).decimation
-    assert slow.factor == 124
+    assert slow.factor == 120
     given = prepare_log(two, log_of(t), Preparation(keep_rest=True))
     assert given.decimation is None  # measured derivatives need no filter
     wanted = prepare_log(two, log_of(t), Preparation(decimate=7, keep_rest=True))
     assert wanted.decimation.factor == 7
 
 
-def test_rows_are_computed_about_once_however_few_fit_into_memory(two, monkeypatch):
+def test_few_samples_of_a_smooth_motion_make_the_columns_however_few_fit_into_memory(
+    two, monkeypatch
+):
     log = log_of(0.002 * np.arange(4000), dq=None, ddq=None)
-    how = Preparation(cutoff=10.0)
-    regression = Regression(two, Model.of("rigid_body"), (prepare_log(two, log, how),))
-    whole = gather_information(regression).factor()
+    samples = prepare_log(two, log, Preparation(cutoff=10.0))
+    model = Model.of("rigid_body", "coulomb_friction")
+    every = replace(samples, decimation=Decimation(24))
+    whole = gather_information(Regression(two, model, (every,))).factor()
     compute, rows = Model.regressor, []
     count = lambda *given: rows.append(len(given[2])) or compute(*given)  # noqa: E731
     monkeypatch.setattr(Model, "regressor", count)
     monkeypatch.setattr("identifiability.regression.regression.BLOCK_BYTES", 40_000)
-    pieces = gather_information(replace(regression)).factor()
-    assert 1.0 < sum(rows) / len(log) < 1.2
-    assert_allclose(pieces.T @ pieces, whole.T @ whole, atol=1e-9)
+    few = gather_information(Regression(two, model, (samples,))).factor()
+    assert 1.0 < 3 * sum(rows) / len(log) < 1.2
+    length = np.linalg.norm(whole, axis=0)
+    assert (np.abs(few.T @ few - whole.T @ whole) <= 2e-4 * np.outer(length, length)).all()
 
 
 def test_derivatives_are_those_of_the_motion_inside_a_log(two):
