@@ -179,13 +179,7 @@ def section_ladder(analysis: Analysis) -> Section:
     """Return the ladder of models: why the selected one."""
     chosen = analysis.chosen
     models = analysis.models
-    if len(models) == 1:
-        reason = "only"
-    elif chosen.feasible:
-        reason = "possible"
-    else:
-        reason = "smallest" if chosen.infeasible else "signs"
-    why = sentence("analysis.why", reason, title=model_title(chosen))
+    why = sentence("analysis.why", "smallest" if models[1:] else "only", title=model_title(chosen))
     table = analysis.tables()[0]
     return section(
         "analysis.models",

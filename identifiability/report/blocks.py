@@ -187,11 +187,6 @@ class Moving:
     mark: str = "vermilion"
 
     @property
-    def frames(self) -> int:
-        """Number of times."""
-        return len(self.t)
-
-    @property
     def data(self) -> str:
         """Data for the script of the page, as JSON: places to a tenth of a pixel."""
         robots = [

@@ -312,12 +312,12 @@ def move_with_torque(
     moving = replace(moving, torque=trace)
     if load is not None:  # as large in all frames
         marks = np.arange(moving.joints) == moving.joints - 1
-        sizes = np.tile(0.3 * marks, (moving.frames, 1))
+        sizes = np.tile(0.3 * marks, (len(moving.t), 1))
         return replace(moving, misses=sizes, mark="blue")
     if residual is None:
         return moving
     owners = {dof: k for k, one in enumerate(robot.tree.joints) for dof in one.dofs}
-    misses = np.zeros((moving.frames, moving.joints))
+    misses = np.zeros((len(moving.t), moving.joints))
     shown = _frames(t[:end])
     misses[:, [owners[j] for j in robot.joints]] = share[shown]
     return replace(moving, misses=misses)

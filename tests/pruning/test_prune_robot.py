@@ -76,7 +76,7 @@ def test_every_model_below_the_first_has_a_move_a_reason_and_fewer_parameters(pr
 def test_what_the_chosen_model_weighs_among_all_is_said(pruned):
     assert 0 < pruned.chosen.weight <= 1
     said = [n.text for n in pruned.cautions()]
-    assert any("of the weight of all models of the path" in text for text in said)
+    assert any("robability among all models of the path is" in text for text in said)
 
 
 def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_path):

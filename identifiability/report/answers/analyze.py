@@ -182,14 +182,9 @@ class LadderedPresenter(PredictingPresenter):
         """Return the answers in plain words, with warnings and remarks."""
         result = self.result
         tilt = result.robot.tilt
-        parts = [sentence("laddered.trust", "nothing", why=result.nothing)]
-        if not result.nothing:
-            parts = [a.whole for a in result.answers()[:-1]]
-        if tilt is not None:
-            parts.append(sentence("laddered.statement", "tilt", tilt=tilt.text))
-        if result.moved is not None:
-            parts.append(result.moved.told)
-        return " ".join(filter(None, (*parts, *result.warnings, *result.remarks)))
+        stated = sentence("laddered.statement", "tilt", tilt=tilt.text) if tilt else ""
+        moved = result.moved.told if result.moved else ""
+        return join_sentences(super().details(), stated, moved, *result.remarks)
 
     def cautions(self) -> tuple[Note, ...]:
         """Return the caveats of physics, motion, samples and fit, gravest first."""
