@@ -150,7 +150,9 @@ def name_columns(
     names = {name: rename(name.strip(), known) for name in found}
     guesses = _guess(names, known)
     _refuse_twice(found, guesses, source)
-    torque = _has_torque(names, guesses)
+    idle = _idle_currents(guesses, known)
+    guesses = [g for g in guesses if g.source not in idle]
+    torque = _has_torque({c: n for c, n in names.items() if c not in idle}, guesses)
     needed = ("q",) if known.motion_alone and not torque else ("q", "tau")
     candidates = _find_candidates(guesses, known, needed, torque=torque)
     resolved, how = resolve_numbers(candidates, source, known, names, first or {})
@@ -174,6 +176,7 @@ def name_columns(
         *timed,
         *_tell_angles(wanted, known),
         *torque_notes,
+        *([phrase("reading", "currents", columns=idle)] if idle else ()),
     )
     locked = tuple(_in_si(c, units or {}, source, known) for c in held)
     commands = tuple(g.name for g in own if commanding and g.kind in COMMANDS)
@@ -186,6 +189,15 @@ def name_columns(
         made=made,
         commands=commands,
     )
+
+
+def _idle_currents(guesses: Sequence[Column], known: Conventions) -> list[str]:
+    """Return columns of currents without gains, if servos make torque of commands."""
+    currents = [g for g in guesses if g.kind == "current"]
+    gains = [known.torque.at("gain", g.joint) for g in currents]
+    if known.servo is None or any(gains) or all(g.kind != "q_ref" for g in guesses):
+        return []
+    return [g.source for g in currents]
 
 
 def _refuse_twice(found: Sequence[str], guesses: Sequence[Column], source: str) -> None:

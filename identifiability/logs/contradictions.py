@@ -12,6 +12,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
+from identifiability.foundation.quoting import toml_key
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 
@@ -90,10 +91,11 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
         is_enough = windows[0].commanded and is_odd is _beyond and bool(odd)
         if is_enough or 2 * len(odd) > len(bounded):
             joint, (low, high) = windows[0].joints[odd[0]], robot.limits[odd[0]]
+            stated = '"*"' if 2 * len(odd) > len(bounded) else toml_key(joint)
             raise LogError(
                 f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "
                 f"{low:.4g} … {high:.4g} rad: it {why} state the scale of ticks or normalised "
-                f"units: [columns] {joint} = {{scale = …, offset = …}} in the sidecar "
+                f"units: [columns] {stated} = {{scale = …, offset = …}} in the sidecar "
                 f"(rad = scale × value + offset).{_ticks_of_servos(columns[odd[0]])}"
             )
 

@@ -96,6 +96,7 @@ base_yaw = {scale = 0.017453292519943295}
         table[f"{name}.q"], table[f"{name}.action"] = (
             own(joint, x[:, k]) for x in (plain.q, plain.q_ref)
         )
+        table[f"{name}.current"] = 9
     log = read(robot, table)
     assert_allclose(log.q, plain.q, atol=1e-12)
     assert_allclose(log.q_ref, plain.q_ref, atol=1e-12)
@@ -118,7 +119,7 @@ def test_units_that_nobody_stated_are_refused_with_what_to_write(scale, said, ar
     table = table.assign(t=frame["t"])
     with pytest.raises(IdentifiabilityError, match=said) as error:
         predict(arm, arm, table, forward=True)
-    assert "= {scale = …, offset = …} in the sidecar" in str(error.value)
+    assert '[columns] "*" = {scale = …, offset = …} in the sidecar' in str(error.value)
 
 
 def spoilt(tmp_path, **changed):
@@ -136,7 +137,7 @@ def test_names_tell_channels_and_a_dataset_without_names_has_the_robots_order(ar
         info["features"][feature]["names"] = None
     (folder / "meta/info.json").write_text(json.dumps(info))
     assert_array_equal(read(arm, folder).q_ref, read(arm, DATASETS / "v2.1:0").q_ref)
-    names = [f"{j}.{kind}" for kind in ("pos", "vel") for j in arm.joints]
+    names = [f"main_{j}.{kind}" for kind in ("pos", "vel") for j in arm.joints]
     info["features"]["observation.state"] = {"names": {"motors": names}}
     (folder / "meta/info.json").write_text(json.dumps(info))
     path = folder / "data/chunk-000/episode_000000.parquet"
