@@ -214,8 +214,7 @@ class LadderedPresenter(PredictingPresenter):
         """Return the motion on which the unseen error was measured."""
         validation = self.result.validation
         if validation:
-            names = ", ".join(s.name for s in validation)
-            return sentence("laddered.measured", "held", names=names)
+            return sentence("laddered.measured", "held", names=[s.name for s in validation])
         return sentence("laddered.measured", "crossed")
 
     def to_frame(self, model: str | None = None, *, details: bool = False) -> pd.DataFrame:
@@ -417,16 +416,16 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
 
 
 def _state_in_doubt(result: Laddered[Any]) -> str:
-    """Return how many values are in doubt, and the effect behind most of them."""
+    """Return which values are in doubt, and the effect behind most of them."""
     chosen = result.chosen
     alternatives = chosen.fit.alternatives
     doubted = [k for k, v in enumerate(chosen.verdicts) if Flag.IN_DOUBT in v.flags]
     if alternatives is None or not doubted:
         return ""
     effects = Counter(filter(None, (alternatives.names[k] for k in doubted)))
-    ((name, _),) = effects.most_common(1) or [("", 0)]
-    size = len(chosen.verdicts)
-    return name and sentence("trust", "doubted", count=len(doubted), size=size, name=name)
+    ((effect, _),) = effects.most_common(1) or [("", 0)]
+    names = [chosen.verdicts[k].name for k in doubted]
+    return effect and sentence("trust", "doubted", names=names, effect=effect)
 
 
 def _state_measurement(result: Laddered[Any]) -> str:

@@ -357,7 +357,7 @@ def answer_trust(
     warnings : sequence of str
         What changes a decision.
     in_doubt : str
-        How many values an effect that may be missing changes.
+        Which values an effect that may be missing changes.
     """
     if doubt:
         return answer("trust", "no", doubt=doubt)
