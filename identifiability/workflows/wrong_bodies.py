@@ -63,7 +63,8 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
     # Wrong constants scale all values; a scale of zero is the file with its usual errors.
     weigh = partial(_weigh, off, roots, stated[:, None])
     evidence[CONSTANTS] = weigh(np.array([RULES.constants_within]))
-    odds = {key: logsumexp(x) - logsumexp(weigh(np.zeros(1))) for key, x in evidence.items()}
+    right = logsumexp(weigh(np.zeros(1)))
+    odds = {key: logsumexp(x) - right for key, x in evidence.items()}
     best, *rest = sorted(odds, key=lambda key: -odds[key])
     if best == CONSTANTS or odds[best] < np.log(len(odds)) + RULES.name + RULES.keep:
         return WrongBodies()
@@ -114,12 +115,11 @@ def _weigh(off: Array, roots: list[Array], shape: Array, sizes: Array) -> Array:
         That the errors of the shape may have.
     """
     found = []
-    for root, prior in zip(roots, LOG_PRIOR, strict=True):
+    for root in roots:
         white = solve_triangular(root, np.column_stack([shape, off]), lower=True)
         axes, lengths, _ = np.linalg.svd(white[:, :-1], full_matrices=False)
         grown = 1.0 + np.outer(sizes, lengths) ** 2
         explained = (white[:, -1] @ axes) ** 2 * (1.0 - 1.0 / grown) - np.log(grown)
         plain = white[:, -1] @ white[:, -1] + 2 * np.sum(np.log(np.diag(root)))
-        each = 0.5 * (explained.sum(axis=1) - plain)
-        found.append(prior + logsumexp(each) - np.log(len(sizes)))
-    return np.array(found)
+        found.append(0.5 * (explained.sum(axis=1) - plain))
+    return LOG_PRIOR + logsumexp(found, axis=1) - np.log(len(sizes))
