@@ -188,7 +188,7 @@ class Missing:
         """Return the candidates of families that a model does not have."""
         robot = regression.robot
         _, pieces = _look_at(regression, EXCERPT)
-        motions = [piece.motion for piece in pieces]
+        motions = [piece.sparse.motion for piece in pieces]
         listed, _ = list_candidates(robot, families, present, motions, fixed=False)
         candidates = with_reversals(robot, listed, present)
         columns = sum(len(c.columns) for c in candidates)
