@@ -600,7 +600,8 @@ class MissingEffects:
 
     def _torque(self, share: Share) -> float:
         """Return the size of a group's torque at the joint that feels it most, times √rows."""
-        value = np.zeros(1 + max(j.random.max(initial=0) for j in self.rows))
+        columns = [share.columns, *(j.random for j in self.rows)]
+        value = np.zeros(1 + max(int(x.max(initial=0)) for x in columns))
         value[share.columns] = share.value
         return max(float(np.linalg.norm(j.Z @ value[j.random])) for j in self.rows)
 
