@@ -53,17 +53,16 @@ def test_what_one_joint_has_is_no_tilted_base_and_no_forces(
     assert named(diagnosis_of(robot, hidden, effects=few)) == expected
 
 
-def test_effects_of_two_joints_are_no_function_of_all_joints_and_the_larger_is_first(
-    diagnosis_of, named
-):
-    """The spring has nine times the log odds, and two fifths of the torque."""
-    d = diagnosis_of(
-        "two-link",
-        "torque_offset@shoulder=0.05",
-        "gravity_spring@elbow=0.1",
-        effects=("torque_offset", "gravity_spring", "position_torque"),
-    )
-    assert named(d) == [("torque_offset", ("shoulder",)), ("gravity_spring", ("elbow",))]
+def test_each_joint_of_a_bundle_has_its_likeliest_name_and_the_larger_is_first(diagnosis_of, named):
+    """Torque along the position fits a spring in one joint, and uneven friction in three."""
+    spring = "position_torque@joint_2=0.1", "torque_offset@joint_2=0.5"
+    joints = "joint_1", "joint_4", "joint_5"
+    few = ("torque_offset", "free_spring", "position_torque", "coulomb_asymmetry")
+    d = diagnosis_of("six-dof-arm", *spring, f"{few[-1]}@{'+'.join(joints)}=0.05", effects=few)
+    uneven = d.effects[1]
+    assert named(d) == [("position_torque", ("joint_2",)), (uneven.name, joints)]
+    assert "coulomb_asymmetry" in (uneven.name, *uneven.alternatives)
+    assert uneven.weight > 0.3
 
 
 def among(*effects):
