@@ -22,7 +22,6 @@ def seldom(*case):
     ("robot", "hidden", "joints"),
     [
         seldom("3-rps", "stribeck_friction@slider1+slider3=0.02", ("slider1", "slider3")),
-        seldom("3-rps", "joint_stiffness@slider2=0.03", ("slider2",)),
         seldom("3-rps", "passive_joint_friction@hinge2=0.01", ("hinge2",)),
         ("five-bar", "position_ripple@right_shoulder=0.02", ("right_shoulder",)),
         ("two-link", "load_dependent_friction@elbow=0.03", ("elbow",)),

@@ -58,7 +58,7 @@ from .common import (
     state_contradicted,
     torque_noise,
 )
-from .profiles import answer_profiles
+from .profiles import answer_profiles, is_width
 from .tables import add_units, make_table
 
 if TYPE_CHECKING:
@@ -256,7 +256,7 @@ class AnalysisPresenter(LadderedPresenter):
 
     def asked(self) -> tuple[Answer, ...]:
         """Return the recommended model, its error, its reliability, and the profiled numbers."""
-        profiles = self.result.profiles
+        profiles = [curve for curve in self.result.profiles if not is_width(curve)]
         profiled = [answer_profiles(profiles, self.result.shapes)] if profiles else []
         return (
             *super().asked(),

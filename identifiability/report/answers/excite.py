@@ -177,12 +177,13 @@ class NextMotionPresenter(Presenter):
         parts = [name.partition(":")[0].partition("@") for name in result.names]
         first, *others = (f"{title_of(family)} in {place}" for family, _, place in parts)
         pair = sentence(about, "pair", first=first, others=others)
-        if result.same:
-            return sentence(about, "same", pair=pair)
+        before = _state_chance(result.before)
+        if result.same or before == _state_chance(1.0):
+            return sentence(about, "same" if result.same else "decided", pair=pair)
         period = result.excitation.trajectory.period
         k = result.periods
         more = sentence(about, "times", times=k, seconds=k * period) if k > 1 else ""
-        chances = {"chance": _state_chance(result.chance), "before": _state_chance(result.before)}
+        chances = {"chance": _state_chance(result.chance), "before": before}
         limits = result.excitation.limits_statement
         return sentence(about, pair=pair, period=period, more=more, limits=limits, **chances)
 

@@ -26,6 +26,12 @@ def answer_profiles(profiles: Sequence[Profile], shapes: Mapping[str, float]) ->
     return answer("analysis.bounds", "found", regions=regions)
 
 
+def is_width(curve: Profile) -> bool:
+    """Whether a number is the width of a learned function, which has no physical meaning."""
+    family = FAMILIES.get(curve.number.name.rpartition(".")[2])
+    return family is not None and family.flexible
+
+
 def state_region(curve: Profile) -> str:
     """Return the 95 % region of a number, and the simpler models that the logs do not exclude."""
     lower, upper = (format_number(end, 3) for end in curve.region)
