@@ -26,7 +26,14 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Evidence
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
+from identifiability.estimation.mixed_model import (
+    EVERYWHERE,
+    Group,
+    MixedModel,
+    Term,
+    Terms,
+    without,
+)
 from identifiability.estimation.noise import split_runs
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES
@@ -644,7 +651,7 @@ def _compete(looked: Naming, terms: Terms, k: int) -> tuple[Term, list[Term]]:
 
     Odds that a hypothesis has beside the term are those of another missing effect.
     """
-    model, rest = looked.whole, terms[:k] + terms[k + 1 :]
+    model, rest = looked.whole, without(terms, k)
     (group,) = (g for g in model.groups if g.key == terms[k].key)
     (own,) = model.gains(rest, [group])
     own = replace(own, odds=max(own.odds, _odds_of_parts(looked, rest, group)))
