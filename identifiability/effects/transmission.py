@@ -7,6 +7,7 @@ import numpy as np
 from identifiability.foundation.linalg import TINY, without_rounding
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Motion, Robot
+from identifiability.robot.closure import tabulated_torque
 
 from .effect import POSTURES, Along, AlongAxes, Shaped, Span, split_runs
 from .nominal import needs_masses, rigid_torque
@@ -112,8 +113,9 @@ def carried_load(load: Array, at: Along) -> Array:
 
 
 def rigid_load(at: Along) -> Array:
-    """Return the load (N,) of an axis that alone carries the torque of the nominal masses."""
-    return carried_load(rigid_torque(at.robot, at.motion), at)
+    """Return the load (N,) of an axis that alone carries the nominal masses and known torques."""
+    springs = tabulated_torque(at.robot, at.motion, beyond=True)
+    return carried_load(rigid_torque(at.robot, at.motion) + springs, at)
 
 
 @declare(
@@ -125,8 +127,9 @@ def rigid_load(at: Along) -> Array:
 class LoadDependentFriction(AlongAxes):
     """``τ = Fl |τ_load| sign(q̇)``.
 
-    The load is the rigid-body torque that the fitted masses predict, so that a column does
-    not contain measured torque. Where the load hardly changes it looks like Coulomb friction.
+    The load is the rigid-body torque that the fitted masses predict, plus known torques. So a
+    column does not contain measured torque. Where the load hardly changes it looks like Coulomb
+    friction.
     """
 
     name = "load_dependent_friction"

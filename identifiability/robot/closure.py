@@ -651,17 +651,27 @@ def known_torque(robot: Description, motion: Motion) -> Array:
     RobotError
         If a position is outside the range of a known torque.
     """
-    tau = np.zeros(motion.actuated_q.shape)
     if motion.drives_alone:
-        return tau
-    axes = {a.name: a for a in (*robot.axes, *robot.passive_axes)}
-    for known in robot.known_torque:
-        axis = axes[known.along]
-        force = known.force(robot.travel(axis, motion.q))
-        tau += force[:, None] * load_by(robot, axis, motion)
+        return np.zeros(motion.actuated_q.shape)
+    tau = tabulated_torque(robot, motion)
     compensated = [robot.torque.is_compensated(joint) for joint in robot.joints]
     if any(compensated):
         tau -= np.where(compensated, hold_weight(robot, motion), 0.0)
+    return tau
+
+
+def tabulated_torque(robot: Description, motion: Motion, *, beyond: bool = False) -> Array:
+    """Return the torque that the sidecar states as functions of positions, (N, n) [N·m or N].
+
+    Beyond their ranges it may be that of the nearest position.
+    """
+    tau = np.zeros(motion.actuated_q.shape)
+    axes = {a.name: a for a in (*robot.axes, *robot.passive_axes)}
+    for known in robot.known_torque:
+        axis = axes[known.along]
+        position = robot.travel(axis, motion.q)
+        force = known.force(np.clip(position, *known.span) if beyond else position)
+        tau += force[:, None] * load_by(robot, axis, motion)
     return tau
 
 

@@ -1,10 +1,13 @@
 """Every effect's columns are its equation: value, sign, unit and scale, with no free level."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import IdentifiabilityError, Model
+from identifiability.robot.sidecar import KnownTorque
 
 G = 9.81
 T = np.linspace(0, 2.5, 60)
@@ -145,7 +148,7 @@ def test_the_files_masses_give_the_torque_by_hand(polar, gear, pair, move, by_ha
 def test_load_dependent_friction_is_a_share_of_the_rigid_torque(
     polar, gear, move, columns, by_hand
 ):
-    """The load is that of the bodies: neither rotors nor friction of the file are in it."""
+    """The load is of bodies and known torques: rotors and friction of the file are not in it."""
     m = move(polar, T)
     load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)
     force = np.abs(load) * np.sign(m.actuated_v)
@@ -156,6 +159,9 @@ def test_load_dependent_friction_is_a_share_of_the_rigid_torque(
         columns(gear, m, "load_dependent_friction"),
         {"turn.Fl": ("1", np.abs(load) * np.sign(m.actuated_v))},
     )
+    spring = KnownTorque(along="turn", polynomial=[3.0])  # it relieves the gear
+    found = columns(replace(gear, known_torque=(spring,)), m, "load_dependent_friction")
+    check(found, {"turn.Fl": ("1", np.abs(load + 3.0) * np.sign(m.actuated_v))})
 
 
 def test_friction_of_passive_joints_is_felt_through_their_gears(gear, move, columns):
