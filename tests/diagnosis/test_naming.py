@@ -101,18 +101,6 @@ def test_nulls_get_a_name_no_more_often_than_they_may(rho, motion, logs_of):
     assert false <= 2
 
 
-@among("coulomb_asymmetry", "torque_offset", "joint_stiffness", "stribeck_friction", "gear_ripple")
-def test_coulomb_asymmetry_and_offset_are_one_name_with_two_words(effects, diagnosis_of):
-    d = diagnosis_of("six-dof-arm", "coulomb_asymmetry@joint_1=0.03", effects=effects)
-    (effect,) = d.effects
-    names = {effect.name, *effect.alternatives}
-    assert names >= {"coulomb_asymmetry", "torque_offset"}
-    # Beside the two only what an offset is the greater part of.
-    assert names <= {"coulomb_asymmetry", "torque_offset", "free_spring", "torque_drift"}
-    assert effect.joints == ("joint_1",)
-    assert "cannot tell" in d.details
-
-
 def test_friction_of_all_joints_but_one_is_named_in_these_joints_alone(
     diagnosis_of, named, logs_of
 ):
