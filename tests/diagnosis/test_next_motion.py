@@ -149,7 +149,7 @@ def test_what_is_a_or_b_has_its_true_name_after_the_motion_that_is_asked_for(suc
     assert others
     found = find_next(d)
     assert found.chance > LIKELY
-    assert "already" in replace(found, before=1.0).statement
+    assert "better than the logs" in replace(found, before=1.0).statement
     after = again(robot, motions, found, hidden)
     after = diagnose(robot, [*after[:2], *after[3:]], after[2], **QUICK)
     assert named(after) == [("stribeck_friction", ("elbow",), ())]

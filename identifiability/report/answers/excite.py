@@ -179,7 +179,7 @@ class NextMotionPresenter(Presenter):
         pair = sentence(about, "pair", first=first, others=others)
         before = _state_chance(result.before)
         if result.same or before == _state_chance(1.0):
-            return sentence(about, "same" if result.same else "decided", pair=pair)
+            return sentence(about, "same" if result.same else "better", pair=pair)
         period = result.excitation.trajectory.period
         k = result.periods
         more = sentence(about, "times", times=k, seconds=k * period) if k > 1 else ""
