@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +13,7 @@ from scipy.linalg import null_space
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.measurement import TorqueOffset
-from identifiability.foundation.errors import listing
+from identifiability.foundation.errors import ModelError, listing
 from identifiability.foundation.linalg import (
     RANK_TOLERANCE,
     SPAN_TOLERANCE,
@@ -225,10 +226,22 @@ def find_base_parameters(
     No motion can determine more; a measured motion may determine less.
     """
     parameters = model.parameters(robot)
+    refuse_twice(parameters, model)
     count = max(100, 4 * len(parameters) // len(robot.actuated))
     W = model.all_sensors(robot, random_motion(robot, np.random.default_rng(0), count))
     names = tuple(p.name for p in parameters)
     return group_columns(W.reshape(-1, W.shape[2]), parameters, robot.column_preference(names))
+
+
+def refuse_twice(parameters: Sequence[Parameter], model: Model) -> None:
+    """Refuse a model of which two effects have the same parameter."""
+    counts = Counter(p.name for p in parameters)
+    twice = [name for name, count in counts.items() if count > 1]
+    if twice:
+        raise ModelError(
+            f"Two effects of the model {', '.join(model.texts)} have the parameter {twice[0]}; "
+            "leave one of them out, or name its joints behind an '@'."
+        )
 
 
 def sense_joints(robot: Robot) -> Robot:

@@ -37,6 +37,7 @@ from identifiability.logs.commands import has_commands, of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
+from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.tables import write_table
 from identifiability.physical.cad_prior import find_rises
 from identifiability.physical.fitted_model import LeastSquares
@@ -51,7 +52,8 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.regression import Chunk, Model, Regression
 from identifiability.regression.structure import Structure
-from identifiability.robot import Motion, Robot, RobotLike
+from identifiability.robot import Motion, Robot, RobotLike, complete_motion
+from identifiability.robot.closure import known_torque
 from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
@@ -84,6 +86,10 @@ def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
 
 
 # `TorquePrediction`: the torque of a fitted model along logs, and the measured torque.
+
+
+#: Fields of a prediction that hold torque.
+TORQUES = ("tau", "raw", "predicted")
 
 
 @frozen(kw_only=True)
@@ -122,7 +128,7 @@ class TorquePrediction(Result):
         How each log was prepared.
     hints : tuple of str
     lacking : (N, n) or 0 [N·m or N]
-        Gravity torque that the columns of the logs lack.
+        Torque that the columns of the logs lack: of gravity, or stated in the sidecar (negative).
     noise : (n,) [N·m or N]
         Of each joint's measured torque in the band of the model; nan where it was computed.
     """
@@ -155,13 +161,18 @@ class TorquePrediction(Result):
 
     @property
     def as_logged(self) -> TorquePrediction:
-        """The same in the columns, signs and units of the logs; stated units become SI units."""
+        """The same in the columns, signs and units of the logs; stated units become SI units.
+
+        Torque that the sidecar states, or that the columns lack, is taken off again.
+        """
         carried = self.fit.reading
-        if carried is None:
-            return self
         lacking = np.broadcast_to(self.lacking, self.predicted.shape)
-        columns = {name: np.empty(lacking.shape) for name in ("tau", "raw", "predicted")}
-        widths = {name: np.empty(lacking.shape) for name in ("mean", "low", "new")}
+        columns: dict[str, Any]
+        if carried is None:
+            columns = {name: getattr(self, name) - lacking for name in TORQUES}
+            return replace(self, **columns)
+        columns = {name: np.empty(lacking.shape) for name in TORQUES}
+        widths: dict[str, Any] = {name: np.empty(lacking.shape) for name in ("mean", "low", "new")}
         known = np.empty_like(self.known)
         for k in range(len(self.logs)):
             rows = self.log == k
@@ -172,8 +183,7 @@ class TorquePrediction(Result):
                 torque = getattr(self, name)[rows]
                 width[rows] = carried.as_logged(self.t[rows], torque, width=True)
             known[rows] = carried.known_as_logged(self.t[rows], self.known[rows])
-        arrays: dict[str, Any] = {"known": known, **columns, **widths}
-        return replace(self, **arrays)
+        return replace(self, known=known, **columns, **widths)
 
     @property
     def error_ra(self) -> float:
@@ -539,15 +549,35 @@ def _judge(rows: Mapping[str, np.ndarray]) -> Prediction:
 def _lacking_torque(
     fit: Fit, case: Case, found: Mapping[str, np.ndarray], run: Run
 ) -> Array | float:
-    """Return the gravity torque that the columns of the logs lack, (N, n), or none anywhere."""
-    carried = fit.reading
-    if carried is None or not carried.reading.compensated.any():
+    """Return the torque that the columns of the logs lack, (N, n), or none anywhere.
+
+    It is gravity torque, by the reading, and torque that the sidecar states.
+    """
+    carried, robot = fit.reading, case.robot
+    lacks = carried is not None and carried.reading.compensated.any()
+    states = bool(robot.known_torque or robot.torque.compensated)
+    if not (lacks or states):
         return 0.0
     literal = case.with_(reading=None).recordings(run)
     logs = (*literal.fitted, *literal.held_out)
-    each = np.unique(found["log"]).tolist()
-    parts = [carried.lacking(logs[k], found["t"][found["log"] == k]) for k in each]
+    parts = list[Array]()
+    for k in np.unique(found["log"]).tolist():
+        times = found["t"][found["log"] == k]
+        part = np.zeros((len(times), len(robot.actuated)))
+        if lacks and carried is not None:
+            part += carried.lacking(logs[k], times)
+        if states:
+            part -= _stated_torque(robot, logs[k], times)
+        parts.append(part)
     return np.concatenate(parts)
+
+
+def _stated_torque(robot: Robot, log: Log, times: Array) -> Array:
+    """Return the torque (N, n) [N·m or N] that was subtracted from a log, by its sidecar."""
+    own = joint_log(robot, log)
+    q = np.column_stack([np.interp(times, own.t, column) for column in own.q.T])
+    rest = np.zeros(q.shape)
+    return known_torque(robot, complete_motion(robot, times, q, rest, rest))
 
 
 def state_reading(

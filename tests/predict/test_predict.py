@@ -19,6 +19,7 @@ from identifiability import (
     prune,
 )
 from identifiability.foundation.rounding import REACH
+from identifiability.robot.sidecar import KnownTorque
 
 
 def held_still(log, joint):
@@ -41,6 +42,14 @@ def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis, make_log):
         assert (inside & (frame[f"{joint}.mean_to"] < frame[f"{joint}.to"])).all()
     for times, says in ((0.75, "narrow"), (2, "wide")):
         assert f"they are too {says}" in replace(found, low=times * found.low).details
+
+
+def test_written_torque_is_that_of_the_log_where_the_sidecar_states_a_spring(make_log):
+    spring = KnownTorque(along="elbow", polynomial=[3.0, 1.0])
+    robot = replace(Robot.load("two-link"), known_torque=(spring,))
+    log = make_log("two-link", "a", 1)
+    raw = analyze(robot, log, quick=True).predict(log).as_logged.raw
+    assert_allclose(raw, log.tau, atol=1e-9)
 
 
 def verbs(make_log):
