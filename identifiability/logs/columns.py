@@ -440,7 +440,7 @@ def _convert_torque(
     lacking = "columns.share"
     if not loose:
         loose = [j for j, c in free.items() if c.current]
-        lacking = "columns.gain"
+        lacking = "columns.gain" if set(loose).isdisjoint(known.motors) else "columns.constant"
     if not loose:
         before = [j for j in given if j not in known.motors and torque.side_of(j) == "motor"]
         loose = [j for j in before if torque.at("ratio", j) is None]

@@ -722,4 +722,10 @@ def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
             f"'coupling' for each motor, together of rank {n}; and, where given, a ratio that is "
             f"not zero for each motor and {n} offsets."
         )
+    twice = [m for m in entry.motors if entry.ratio and extra.torque.at("ratio", m) is not None]
+    if twice:
+        raise RobotError(
+            f"The sidecar of {robot.path}: both [torque] ratio and [transmission] ratio are stated "
+            f"for {listing(twice)}, and torque is multiplied by each; leave out one of them."
+        )
     return Transmission(tuple(entry.motors), coupling, ratio, offset)

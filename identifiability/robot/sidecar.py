@@ -63,7 +63,10 @@ Side = Literal["joint", "link", "motor", "both"]
 
 
 class KnownTorque(Strict):
-    """Known external torque along a joint, which is subtracted from the measured torque."""
+    """Torque that the motor must give against something known; it is subtracted from the measured.
+
+    A spring that pushes towards larger positions helps the motor: its torque is negative here.
+    """
 
     along: str = key("A joint, passive or not, or a coupled motor.")
     table: list[tuple[float, float]] = key(
@@ -210,13 +213,16 @@ class _CouplingEntry(Strict):
 
 
 class _TransmissionEntry(Strict):
-    """Motors that are coupled: motor = ratio ∘ (coupling · (q − offset))."""
+    """Motors that are coupled. Motor i = ratio i × (row i of coupling · (q − offset)).
+
+    A differential has the rows [1, 1] and [1, -1].
+    """
 
     motors: Names = key("Their names, also more than there are joints.")
     coupling: list[list[float]] = key(
         "Motion of a motor per motion of each joint.", ..., [[1, 0], [1, 1]]
     )
-    ratio: list[float] | None = key("Ratios of the gears behind that.", None)
+    ratio: list[float] | None = key("Of the gear of each motor; it multiplies torque, too.", None)
     offset: list[float] | None = key("Joint positions where motors are at zero.", None)
 
 
