@@ -37,6 +37,7 @@ from .names import (
     SPELLED,
     UNITS,
     Column,
+    Unit,
     find_unit,
     guess_column,
     split_unit,
@@ -167,7 +168,9 @@ def name_columns(
         _refuse_missing(names, taken, source, known)
     own = [g for n, g in taken.items() if n == "t" or (g.joint in wanted and g.kind in CHANNELS)]
     held = [g for g in taken.values() if g.joint in known.locked and g.kind == "q"]
-    columns = [_in_si(c, units or {}, source, known) for c in own]
+    stated = {c.name: _find_stated(c, units or {}) for c in own + held}
+    counted = {c.joint for c in own if c.kind == "q" and stated[c.name] is None}
+    columns = [_in_si(c, stated[c.name], source, known, counted) for c in own]
     columns, torque_notes = _convert_torque(columns, wanted, known, source)
     renamed = _tell(names, columns, wanted, how)
     timed = _state_time(resolved, taken["t"])
@@ -178,7 +181,7 @@ def name_columns(
         *torque_notes,
         *([phrase("reading", "currents", columns=idle)] if idle else ()),
     )
-    locked = tuple(_in_si(c, units or {}, source, known) for c in held)
+    locked = tuple(_in_si(c, stated[c.name], source, known) for c in held)
     commands = tuple(g.name for g in own if commanding and g.kind in COMMANDS)
     made = () if "tau" in needed else tuple(f"{j}.tau" for j in wanted)
     return Naming(
@@ -383,8 +386,31 @@ def _require_motors(
 # Conversion of a column to SI units: by the unit of the log, or else of the sidecar.
 
 
-def _in_si(column: Column, units: Mapping[str, str], source: str, known: Conventions) -> Column:
+def _find_stated(column: Column, units: Mapping[str, str]) -> Unit | None:
+    """Return the unit that a column, its log or its header states."""
+    own = units.get(column.source, "")
+    return column.unit or find_unit(own) or split_unit(column.source.strip())[1]
+
+
+def _in_si(
+    column: Column,
+    unit: Unit | None,
+    source: str,
+    known: Conventions,
+    counted: Collection[str] = (),
+) -> Column:
     """Return a column with its conversion to SI units.
+
+    Parameters
+    ----------
+    column : Column
+    unit : Unit, optional
+        That is stated for it.
+    source : str
+        Of the log.
+    known : Conventions
+    counted : collection of str
+        Joints whose position has no unit: the scale of their counts is not that of speeds with one.
 
     Raises
     ------
@@ -392,16 +418,16 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
         If it states an unknown unit, or one that does not suit its channel.
     """
     name = column.source.strip()
-    unit = column.unit or find_unit(units.get(column.source, "")) or split_unit(name)[1]
     kind = "current" if column.current else column.kind
     scale, zero = known.scales.get(column.joint, (1.0, 0.0)) if kind in ANGULAR else (1.0, 0.0)
     offset = -zero if kind in ("q", "q_ref") else 0.0
     if unit is not None:
         unit.check(kind, name, source, column.joint)
-        factor = scale * unit.factor
+        factor = unit.factor if column.joint in counted else scale * unit.factor
         return replace(column, unit=unit, factor=factor, offset=offset / factor)
     unread = unread_unit(name, (*known.motors, *known.joints))
-    if unread and known.columns.apply(name) == name:
+    is_scaled = kind in ANGULAR and column.joint in known.scales
+    if unread and not is_scaled and known.columns.apply(name) == name:
         example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
         gain = (
             "give one unit in N·m or N "
