@@ -351,6 +351,36 @@ def sum_errors(measured: Iterable[tuple[Array, np.ndarray]], predicted: Array) -
     return np.array([[error.sum(0), (error**2).sum(0)] for error in each])
 
 
+#: Stretches that are resampled for an interval: more than for folds, because each counts
+#: separately.
+DRAWN_STRETCHES = 24
+
+
+def change_interval(
+    error: Array, deviation: Array, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Return the 95 % interval of the change of ε_RA from one model to another.
+
+    Whole stretches of time are resampled [Künsch 1989].
+
+    Parameters
+    ----------
+    error : (N, n, 2) [N·m or N]
+        Absolute errors of each sample and joint.
+    deviation : (N, n) [N·m or N]
+        Distances of the measured torque from its mean over everything.
+    rng : numpy.random.Generator
+    """
+    count = min(DRAWN_STRETCHES, len(error))
+    differences = error[:, :, 1] - error[:, :, 0]
+    both = (differences.sum(1), deviation.sum(1))
+    parts, wholes = (np.add.reduceat(x, np.arange(count) * len(x) // count) for x in both)
+    counts = rng.multinomial(count, np.full(count, 1 / count), size=2000)
+    size = counts @ wholes
+    low, high = np.quantile((counts @ parts) / np.where(size > 0, size, 1.0), ENDS)
+    return float(low), float(high)
+
+
 @frozen
 class Task:
     """Models to be predicted with: base parameters, one set for each fold.

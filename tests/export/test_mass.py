@@ -37,7 +37,7 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, co
     first = run.output.splitlines()[0]
     assert first.startswith(f"The nearest physically consistent robot weighs {mass:.4g} kg, that")
     assert first.endswith("--set cad_prior=1 keeps it nearer to the file's proportions.")
-    assert result.details.startswith(first.partition(":")[0])
+    assert first.partition(":")[0] in result.details
     light = analyze("3-rps", log, ladder=FULL, replicates=50, cad_prior=1.0)
     assert "weighs" not in light.details
     assert total_mass(light.robot, light.chosen.physical.parameters()) < 3 * 25.248

@@ -15,7 +15,7 @@ import pandas as pd
 
 from identifiability.effects.base import apply_tilt
 from identifiability.estimation.combinations import find_combinations
-from identifiability.estimation.prediction import Prediction, loaded_joints
+from identifiability.estimation.prediction import Prediction, change_interval, loaded_joints
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
@@ -35,7 +35,6 @@ from identifiability.foundation.rounding import (
 from identifiability.physical.cad_prior import find_rises
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
-from identifiability.workflows.diagnose.problem import change_interval
 from identifiability.workflows.provenance import given_paths
 
 from . import commands

@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 
 from identifiability.effects import find_family
+from identifiability.estimation.prediction import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
 from identifiability.foundation.presenter import presented
@@ -24,8 +25,6 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion
 from identifiability.simulation.forward import ForwardRobot
-
-from .problem import DRAWN_STRETCHES, change_interval
 
 #: Length of a simulated stretch [s].
 HORIZON: Tolerance = 0.25

@@ -16,12 +16,12 @@ from identifiability.estimation.differences import Known
 from identifiability.estimation.estimate import Outliers, estimate_noise, find_estimator, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.prediction import Prediction, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import ENDS, percent
+from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
@@ -375,36 +375,6 @@ class ResidualRows:
 
 #: Bins over which the residual is averaged.
 BINS = 12
-
-
-#: Stretches that are resampled for an interval: more than for folds, because each counts
-#: separately.
-DRAWN_STRETCHES = 24
-
-
-def change_interval(
-    error: Array, deviation: Array, rng: np.random.Generator
-) -> tuple[float, float]:
-    """Return the 95 % interval of the change of ε_RA from one model to another.
-
-    Whole stretches of time are resampled [Künsch 1989].
-
-    Parameters
-    ----------
-    error : (N, n, 2) [N·m or N]
-        Absolute errors of each sample and joint.
-    deviation : (N, n) [N·m or N]
-        Distances of the measured torque from its mean over everything.
-    rng : numpy.random.Generator
-    """
-    count = min(DRAWN_STRETCHES, len(error))
-    differences = error[:, :, 1] - error[:, :, 0]
-    both = (differences.sum(1), deviation.sum(1))
-    parts, wholes = (np.add.reduceat(x, np.arange(count) * len(x) // count) for x in both)
-    counts = rng.multinomial(count, np.full(count, 1 / count), size=2000)
-    size = counts @ wholes
-    low, high = np.quantile((counts @ parts) / np.where(size > 0, size, 1.0), ENDS)
-    return float(low), float(high)
 
 
 def change_of(
