@@ -2,9 +2,6 @@
 
 import pytest
 
-from identifiability import Robot, predict
-from identifiability.robot.locate import locate_robot
-
 CARD = """async () => {
   document.querySelector("#parameters details").open = true;
   await new Promise((seen) => setTimeout(seen, 500));
@@ -69,27 +66,6 @@ def test_chips_show_only_the_rows_with_their_verdict(reports, visit):
     assert said == f"{len(some)} of {total} shown"
     assert pressed == "true"
     assert back == total
-
-
-@pytest.mark.everything
-def test_a_robot_of_a_rollout_is_hidden_by_its_button_and_moves_when_played(tmp_path, visit):
-    log = locate_robot("hobby-arm").parent / "logs" / "run1.csv"
-    path = predict("hobby-arm", Robot.load("hobby-arm"), log, forward=True).write_report(
-        tmp_path / "rollout.html"
-    )
-    with visit(path) as seen:
-        button = seen.page.locator("[data-robot]").last
-        time = seen.page.locator("output").first
-        pressed = [button.get_attribute("aria-pressed")]
-        for _ in range(2):
-            button.click()
-            pressed.append(button.get_attribute("aria-pressed"))
-        begun = time.text_content()
-        seen.page.locator(".play").first.click()
-        moving = "([shown, begun]) => shown.textContent !== begun"
-        seen.page.wait_for_function(moving, arg=[time.element_handle(), begun])
-    assert pressed == ["true", "false", "true"]
-    assert seen.complaints == []
 
 
 @pytest.mark.parametrize("kind", ["demo", "analysis"])

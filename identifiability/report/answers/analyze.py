@@ -271,8 +271,7 @@ class AnalysisPresenter(LadderedPresenter):
             return answer(about, "nothing")
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
-        described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
-        use = sentence(about, "use", name=f"{chosen.name}{described}")
+        use = sentence(about, "use", name=chosen.name)
         count = len(chosen.submodel)
         text = join_sentences(_state_unknown(chosen), use)
         found = found_cell(chosen).text

@@ -366,9 +366,10 @@ def answer_trust(
     checks = [n.text for n in notes if n.level == "warning" and n.title.rstrip(".") == usual]
     titles = [f"“{title}”" for title in dict.fromkeys(graver) if title != usual]
     first = first_sentence(*checks).partition(": ")[0]  # the note below has the rest
-    titles += filter(None, [first, "" if missing else in_doubt])
-    if len(checks) > 1:
-        titles.append(sentence("trust", "checks", count=checks[1:]))
+    if not missing:
+        titles += filter(None, [first, in_doubt])
+        if len(checks) > 1:
+            titles.append(sentence("trust", "checks", count=checks[1:]))
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
     grave = "; ".join([*(read if warnings else []), *titles])
     if missing:
