@@ -630,18 +630,27 @@ def _write_terms(
     gains : mapping
         Gain of each term on unseen rows [nat].
     """
-    split = [x for x in _split_places(looked, kept) if x[1].place in places[x[0]]]
+    every = _split_places(looked, kept)
+    split = [x for x in every if x[1].place in places[x[0]]]
     terms = tuple(term for *_, term in split)
+    lost = {owner for owner, c, _ in every if c.place not in places[owner]}
+    # Joints that hardly show an effect by themselves are sure where it is everywhere.
+    whole = {
+        term.key: _compete(looked, kept, k)
+        for k, term in enumerate(kept)
+        if term.group.place == EVERYWHERE and term.key not in lost
+    }
     parts: dict[tuple[str, str], list[Part]] = {t.key: [] for t in kept}
     for k, (owner, candidate, _) in enumerate(split):
         news = places[owner][candidate.place], gains.get(owner, np.nan)
-        own, others = _compete(looked, terms, k)
+        own, others = whole[owner] if owner in whole else _compete(looked, terms, k)
         unnamed = own.group.unnamed
         named = [t for t in others if not t.group.unnamed]
         others = others if unnamed else named
         rivals = [t for t in others if t.odds > own.odds - RULES.rival]
         nearest = [t for t in named if unnamed and t.group.place == candidate.place]
         weight = float(softmax([own.odds, *(t.odds for t in others)])[0])
+        own = replace(own, group=replace(own.group, place=candidate.place))
         parts[owner].append(Part(candidate, own, *news, tuple(rivals), weight, tuple(nearest[:3])))
     return list(parts.values())
 
