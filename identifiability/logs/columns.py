@@ -423,7 +423,9 @@ def _in_si(
     offset = -zero if kind in ("q", "q_ref") else 0.0
     if unit is not None:
         unit.check(kind, name, source, column.joint)
-        factor = unit.factor if column.joint in counted else scale * unit.factor
+        # Counts have a size, and also a direction: speeds of the same drive share the direction.
+        size = math.copysign(1.0, scale) if column.joint in counted else scale
+        factor = size * unit.factor
         return replace(column, unit=unit, factor=factor, offset=offset / factor)
     unread = unread_unit(name, (*known.motors, *known.joints))
     is_scaled = kind in ANGULAR and column.joint in known.scales

@@ -185,6 +185,15 @@ def test_a_command_is_read_as_a_measurement_is(name, kind, factor):
     assert (guess.unit and guess.unit.factor) == (factor and pytest.approx(factor))
 
 
+@pytest.mark.parametrize("size", [-1.0, -5e-5, 5e-5])
+def test_speeds_with_a_unit_take_the_direction_of_counts_and_not_their_size(size):
+    t = 0.01 * np.arange(30)
+    table = {"t": t, "a.q": np.sin(t) / size, "a.dq [rad/s]": np.cos(t) * np.sign(size), "a.tau": t}
+    known = Conventions(joints=("a",), scales={"a": (size, 0.0)})
+    log = Log.from_frame(pd.DataFrame(table), "log", known)
+    np.testing.assert_allclose((log.q[:, 0], log.dq[:, 0]), (np.sin(t), np.cos(t)))
+
+
 @pytest.mark.parametrize("kind", DIMENSIONS)
 def test_a_refused_unit_has_one_article_that_fits(kind):
     with pytest.raises(IdentifiabilityError) as refused:
