@@ -22,7 +22,6 @@ def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(log, tmp_p
     assert 25.248 / 3 < total_mass(result.robot, found) < 3 * 25.248
     assert "weighs" not in result.details
     rows = result.to_dict()["physical"]["masses"]
-    assert [row["body"] for row in rows] == list(result.robot.bodies)
     masses = [found[f"{b}.m"] for b in result.robot.bodies]
     assert [row["mass"] for row in rows] == pytest.approx(masses, rel=1e-5)
     assert sum(row["mass_file"] for row in rows) == pytest.approx(25.248, rel=1e-3)
@@ -39,7 +38,6 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, co
     assert first.endswith("--set cad_prior=1 keeps it nearer to the file's proportions.")
     assert first.partition(":")[0] in result.details
     light = analyze("3-rps", log, ladder=FULL, replicates=50, cad_prior=1.0)
-    assert "weighs" not in light.details
     assert total_mass(light.robot, light.chosen.physical.parameters()) < 3 * 25.248
 
 

@@ -1,7 +1,5 @@
 """The command and the scripts say what they do and end with the right code."""
 
-import subprocess
-import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -82,13 +80,3 @@ def test_an_unknown_table_is_one_sentence(run):
     out = run("17")
     assert out.exit_code == 2
     assert "no study '17'" in out.stderr
-
-
-@pytest.mark.everything  # what it runs is run above, in this process
-def test_a_script_runs_alone(tmp_path):
-    script = FOLDER / "paper_slips.py"
-    words = [sys.executable, str(script), "--quick", "--workers", "1", "--out", str(tmp_path)]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "pass  Slips of the paper" in done.stdout
-    assert (tmp_path / "paper_slips.html").exists()

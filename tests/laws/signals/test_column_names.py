@@ -185,7 +185,7 @@ def test_a_command_is_read_as_a_measurement_is(name, kind, factor):
     assert (guess.unit and guess.unit.factor) == (factor and pytest.approx(factor))
 
 
-@pytest.mark.parametrize("size", [-1.0, -5e-5, 5e-5])
+@pytest.mark.parametrize("size", [-1.0, 5e-5])
 def test_speeds_with_a_unit_take_the_direction_of_counts_and_not_their_size(size):
     t = 0.01 * np.arange(30)
     table = {"t": t, "a.q": np.sin(t) / size, "a.dq [rad/s]": np.cos(t) * np.sign(size), "a.tau": t}
