@@ -309,11 +309,8 @@ def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
     assert told == [html.unescape(line) for line in copied[:1]]
 
 
-@pytest.mark.parametrize(
-    "own", [[], pytest.param(["a.csv", "b.csv"], marks=pytest.mark.everything)]
-)
-def test_the_line_that_a_new_study_begins_with_works_where_it_says(own, folder, monkeypatch):
-    said = call(["new", "mine", *own, "--robot", "robot.xml"])
+def test_the_line_that_a_new_study_begins_with_works_where_it_says(folder, monkeypatch):
+    said = call(["new", "mine", "--robot", "robot.xml"])
     study, line = re.search(r"Begin with: cd (\S+) && identifiability (.*)", said).groups()
     monkeypatch.chdir(folder / study)
     call(shlex.split(line))

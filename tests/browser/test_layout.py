@@ -81,7 +81,6 @@ def test_text_can_be_read_on_a_phone_without_much_scrolling(kind, reports, visit
     ("name", "width"),
     [
         ("table_1_base_parameters", 400),
-        pytest.param("table_3_noise", 1280, marks=pytest.mark.everything),
         ("figure_5_split_forces", 1280),
     ],
 )

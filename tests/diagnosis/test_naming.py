@@ -63,6 +63,15 @@ def test_each_joint_of_a_bundle_has_its_likeliest_name_and_the_larger_is_first(d
     assert uneven.weight > 0.3
 
 
+def test_an_effect_of_all_joints_is_judged_as_a_whole():
+    """By itself a passive joint hardly shows its friction."""
+    robot = Robot.load("3-rps")
+    logs = (robot.path.parent / "logs").glob("*.csv")
+    few = "passive_joint_friction", "velocity_leak", "torque_leak"
+    (effect,) = diagnose(robot, sorted(logs), effects=few, forward=False).effects
+    assert effect.weight > 0.99
+
+
 def among(*effects):
     """Run a test with few effects to choose from, and with all of them where there is time."""
     every = pytest.param(None, marks=pytest.mark.everything)
