@@ -21,6 +21,8 @@ def seldom(*case):
 @pytest.mark.parametrize(
     ("robot", "hidden", "joints"),
     [
+        seldom("3-rps", "stribeck_friction@slider1+slider3=0.02", ("slider1", "slider3")),
+        seldom("3-rps", "joint_stiffness@slider2=0.03", ("slider2",)),
         seldom("3-rps", "passive_joint_friction@hinge2=0.01", ("hinge2",)),
         ("five-bar", "position_ripple@right_shoulder=0.02", ("right_shoulder",)),
         ("two-link", "load_dependent_friction@elbow=0.03", ("elbow",)),
@@ -51,25 +53,17 @@ def test_what_one_joint_has_is_no_tilted_base_and_no_forces(
     assert named(diagnosis_of(robot, hidden, effects=few)) == expected
 
 
-def test_each_joint_of_a_bundle_has_its_likeliest_name_and_the_larger_is_first(diagnosis_of, named):
-    """Torque along the position fits a spring in one joint, and uneven friction in three."""
-    spring = "position_torque@joint_2=0.1", "torque_offset@joint_2=0.5"
-    joints = "joint_1", "joint_4", "joint_5"
-    few = ("torque_offset", "free_spring", "position_torque", "coulomb_asymmetry")
-    d = diagnosis_of("six-dof-arm", *spring, f"{few[-1]}@{'+'.join(joints)}=0.05", effects=few)
-    uneven = d.effects[1]
-    assert named(d) == [("position_torque", ("joint_2",)), (uneven.name, joints)]
-    assert "coulomb_asymmetry" in (uneven.name, *uneven.alternatives)
-    assert uneven.weight > 0.3
-
-
-def test_an_effect_of_all_joints_is_judged_as_a_whole():
-    """By itself a passive joint hardly shows its friction."""
-    robot = Robot.load("3-rps")
-    logs = (robot.path.parent / "logs").glob("*.csv")
-    few = "passive_joint_friction", "velocity_leak", "torque_leak"
-    (effect,) = diagnose(robot, sorted(logs), effects=few, forward=False).effects
-    assert effect.weight > 0.99
+def test_effects_of_two_joints_are_no_function_of_all_joints_and_the_larger_is_first(
+    diagnosis_of, named
+):
+    """The spring has nine times the log odds, and two fifths of the torque."""
+    d = diagnosis_of(
+        "two-link",
+        "torque_offset@shoulder=0.05",
+        "gravity_spring@elbow=0.1",
+        effects=("torque_offset", "gravity_spring", "position_torque"),
+    )
+    assert named(d) == [("torque_offset", ("shoulder",)), ("gravity_spring", ("elbow",))]
 
 
 def among(*effects):
@@ -108,6 +102,18 @@ def test_nulls_get_a_name_no_more_often_than_they_may(rho, motion, logs_of):
         d = diagnose("two-link", logs[:2], logs[4:], seed=seed, forward=False)
         false += bool(d.effects)
     assert false <= 2
+
+
+@among("coulomb_asymmetry", "torque_offset", "joint_stiffness", "stribeck_friction", "gear_ripple")
+def test_coulomb_asymmetry_and_offset_are_one_name_with_two_words(effects, diagnosis_of):
+    d = diagnosis_of("six-dof-arm", "coulomb_asymmetry@joint_1=0.03", effects=effects)
+    (effect,) = d.effects
+    names = {effect.name, *effect.alternatives}
+    assert names >= {"coulomb_asymmetry", "torque_offset"}
+    # Beside the two only what an offset is the greater part of.
+    assert names <= {"coulomb_asymmetry", "torque_offset", "free_spring", "torque_drift"}
+    assert effect.joints == ("joint_1",)
+    assert "cannot tell" in d.details
 
 
 def test_friction_of_all_joints_but_one_is_named_in_these_joints_alone(

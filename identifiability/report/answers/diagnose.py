@@ -471,9 +471,8 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
         name = " or ".join(list_names(e))
         for p in e.placements:
             added = unit_cell(p.rms, units.get(p.place, "N·m or N"))
-            sure = logit(p.weight * expit(p.odds)) if p.rivals else p.odds
             for parameter, value, error, unit in p.rows:
-                yield name, parameter, measured(value, error, unit), sure, p.unseen, added
+                yield name, parameter, measured(value, error, unit), p.odds, p.unseen, added
 
 
 class ForwardGapPresenter(Presenter):

@@ -8,7 +8,7 @@ Each has one shape, which is refined between the shapes of the grid.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import zip_longest
@@ -26,14 +26,7 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Evidence
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.estimation.mixed_model import (
-    EVERYWHERE,
-    Group,
-    MixedModel,
-    Term,
-    Terms,
-    without,
-)
+from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import split_runs
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES
@@ -74,7 +67,7 @@ class Part:
     candidate : Candidate
         With its shape; its columns are numbered among those of all parts.
     term : Term
-        Of its group, at its place.
+        Of the group that was found; its place may be everywhere.
     left_out, unseen : float [nat]
         Gain on left-out blocks of fitted rows, and on unseen rows; nan without any.
     rivals : tuple of Term
@@ -315,7 +308,8 @@ def without_parts(naming: Naming, gone: Collection[int]) -> Naming:
     """Return a naming without some of its parts, which become possible effects."""
     first = [p for k, p in enumerate(naming.parts) if k not in gone]
     last = [naming.parts[k] for k in sorted(gone)]
-    more = [(p.term, p.left_out) for p in last]
+    placed = [(p, replace(p.term.group, place=p.candidate.place)) for p in last]
+    more = [(replace(p.term, group=group), p.left_out) for p, group in placed]
     terms = tuple(dict.fromkeys(p.term for p in first))
     after = _further_gains(naming, naming.whole.update_terms(terms))
     possible = (*naming.possible, *more)
@@ -362,59 +356,26 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
 def name_missing(looked: Naming) -> Naming:
     """Return the missing effects, found on fitted rows and not refuted by unseen rows.
 
-    Left-out blocks of the fitted rows decide in which joints each confirmed effect acts. Each joint
-    then takes its likeliest name, which the same rows judge.
+    Left-out blocks of the fitted rows decide in which joints each confirmed effect acts.
     """
     looked, kept = _search(looked)
-    gone, parts = set[tuple[str, str]](), list[Part]()
-    better = kept
-    while better:
-        looked, kept, placed = _judge(looked, better)
-        parts = [part for own in placed for part in own]
-        gone |= {t.key for t, _ in (*looked.refuted, *looked.possible)}
-        gone |= {part.term.key for part in parts}
-        better = _exchange(looked, kept, placed, gone)
-    came = [p.candidate.family.name for p in parts]
-    parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
-    return with_parts(replace(looked, after=_further_gains(looked, kept)), parts)
-
-
-def _judge(looked: Naming, found: Terms) -> tuple[Naming, Terms, list[list[Part]]]:
-    """Return the terms that unseen rows and left-out blocks confirm, and the parts of each."""
-    kept, gains = found, dict[tuple[str, str], float]()
-    if looked.problem.validation:
+    gains = dict[tuple[str, str], float]()
+    if looked.problem.validation and kept:
+        found = kept
         kept, gains = _confirm(looked, found)
         standing = {t.key for t in kept}
         refuted = tuple((t, gains[t.key]) for t in found if t.key not in standing)
-        looked = replace(looked, refuted=(*looked.refuted, *refuted))
+        looked = replace(looked, refuted=refuted)
     places, possible = _ask_left_out(looked, kept) if kept else ({}, ())
     kept = looked.whole.update_terms(tuple(t for t in kept if places[t.key]))
-    looked = replace(looked, possible=(*looked.possible, *possible))
-    return looked, kept, _write_terms(looked, kept, places, gains)
-
-
-def _exchange(
-    looked: Naming,
-    kept: Terms,
-    placed: Sequence[Sequence[Part]],
-    gone: Collection[tuple[str, str]],
-) -> Terms:
-    """Return terms with the likeliest name of each place; none if all have it already."""
-    better = dict[tuple[str, str], Term]()
-    for term, own in zip(kept, placed, strict=True):
-        likeliest = [_find_likeliest(part, gone) for part in own]
-        same = all(t is part.term for t, part in zip(likeliest, own, strict=True))
-        better |= {t.key: t for t in ([term] if same else likeliest)}
-    if better.keys() == {t.key for t in kept}:
-        return ()
-    return looked.whole.update_terms(tuple(better.values()))
-
-
-def _find_likeliest(part: Part, gone: Collection[tuple[str, str]]) -> Term:
-    """Return the likeliest name of a part at its place; about equal names leave it as it is."""
-    better = part.term.odds + RULES.simpler
-    rivals = [t for t in part.rivals if t.key not in gone and t.group.place != EVERYWHERE]
-    return next((t for t in rivals if t.odds > better), part.term)
+    looked = replace(looked, possible=possible)
+    parts = list[Part]()
+    for k, term in enumerate(kept):
+        unseen = gains.get(term.key, np.nan)
+        parts += _write_term(looked, kept, k, places[term.key], unseen)
+    came = [p.candidate.family.name for p in parts]
+    parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
+    return with_parts(replace(looked, after=_further_gains(looked, kept)), parts)
 
 
 def _further_gains(looked: Naming, terms: Terms) -> Terms:
@@ -437,7 +398,7 @@ def _search(looked: Naming) -> tuple[Naming, Terms]:
     if any(t.group.family in LATE_FRICTION for t in kept):
         looked = _with_missing(looked, looked.asked.between_reversals())
         kept = _search_terms(looked)
-    named = [t for t in kept if not t.group.unnamed]
+    named = [t for t in kept if not _family(looked.asked, t).unnamed]
     if named:  # their torque is no noise
         looked = _with_missing(looked, looked.asked.beside(named))
         kept = _search_terms(looked)
@@ -523,8 +484,7 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
     """
     rows = looked.asked.seen
     blocks = looked.asked.products(rows, _block_edges(rows), among=found)
-    split = _split_places(looked, found)
-    owners, terms = [owner for owner, *_ in split], tuple(term for *_, term in split)
+    owners, terms = _split_places(looked, found)
     possible, gains = list[tuple[Term, float]](), np.empty(0)
     while terms:
         gains, needed = _gains_left_out(looked.whole, terms, blocks)
@@ -557,17 +517,18 @@ def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Te
     return gone
 
 
-def _split_places(looked: Naming, found: Terms) -> list[tuple[tuple[str, str], Candidate, Term]]:
-    """Return terms of one place each, with the keys of the terms whose parts they are."""
-    out = []
+def _split_places(looked: Naming, found: Terms) -> tuple[list[tuple[str, str]], Terms]:
+    """Return terms of one place each, and the keys of the terms whose parts they are."""
+    owners, terms = list[tuple[str, str]](), list[Term]()
     for k, term in enumerate(found):
         candidates = _candidates(looked.asked, looked.whole, found, k)
         price = float(np.log(len(candidates)))  # the family has paid its price
         for c in candidates:
             columns = np.array(c.columns) + looked.asked.fixed
             group = replace(term.group, place=c.place, members=(columns,), price=price)
-            out.append((term.key, c, replace(term, group=group, member=0)))
-    return out
+            owners.append(term.key)
+            terms.append(replace(term, group=group, member=0))
+    return owners, tuple(terms)
 
 
 def _block_edges(rows: Excerpt) -> list[int]:
@@ -598,9 +559,8 @@ def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tup
     gains, together = found[: len(terms)], found[len(terms) :]
     needed = np.full(len(terms), RULES.keep)
     for some, gain in zip(crowded, together.tolist(), strict=True):
-        rest = tuple(t for k, t in enumerate(terms) if k not in some)
-        likeliest, *_ = model.gains(rest, [terms[k].group for k in some])
-        others = [k for k in some if terms[k].key != likeliest.key]
+        likeliest = max(some, key=lambda k: terms[k].odds)
+        others = [k for k in some if k != likeliest]
         needed[others] = max(RULES.keep, RULES.law_error * gain)
     return gains, needed
 
@@ -616,61 +576,33 @@ def _confirm(looked: Naming, found: Terms) -> tuple[Terms, dict[tuple[str, str],
     return kept, gains
 
 
-def _write_terms(
-    looked: Naming, kept: Terms, places: Places, gains: Mapping[tuple[str, str], float]
-) -> list[list[Part]]:
-    """Return the parts of each of the terms that are missing.
+def _write_term(
+    looked: Naming, kept: Terms, k: int, places: dict[str, float], unseen: float
+) -> Iterator[Part]:
+    """Yield the parts of one of the terms that are missing.
 
     Parameters
     ----------
     looked : Naming
     kept : tuple of Term
-    places : mapping
-        Where each term surely is, with its gain on left-out blocks [nat].
-    gains : mapping
-        Gain of each term on unseen rows [nat].
+    k : int
+    places : dict of str to float [nat]
+        Where the term surely is, with its gain on left-out blocks.
+    unseen : float [nat]
+        Gain of the term on unseen rows.
     """
-    every = _split_places(looked, kept)
-    split = [x for x in every if x[1].place in places[x[0]]]
-    terms = tuple(term for *_, term in split)
-    lost = {owner for owner, c, _ in every if c.place not in places[owner]}
-    # Joints that hardly show an effect by themselves are sure where it is everywhere.
-    whole = {
-        term.key: _compete(looked, kept, k)
-        for k, term in enumerate(kept)
-        if term.group.place == EVERYWHERE and term.key not in lost
-    }
-    parts: dict[tuple[str, str], list[Part]] = {t.key: [] for t in kept}
-    for k, (owner, candidate, _) in enumerate(split):
-        news = places[owner][candidate.place], gains.get(owner, np.nan)
-        own, others = whole[owner] if owner in whole else _compete(looked, terms, k)
-        unnamed = own.group.unnamed
-        named = [t for t in others if not t.group.unnamed]
-        others = others if unnamed else named
-        rivals = [t for t in others if t.odds > own.odds - RULES.rival]
-        nearest = [t for t in named if unnamed and t.group.place == candidate.place]
-        weight = float(softmax([own.odds, *(t.odds for t in others)])[0])
-        own = replace(own, group=replace(own.group, place=candidate.place))
-        parts[owner].append(Part(candidate, own, *news, tuple(rivals), weight, tuple(nearest[:3])))
-    return list(parts.values())
-
-
-def _compete(looked: Naming, terms: Terms, k: int) -> tuple[Term, list[Term]]:
-    """Return a term of one place with its log odds, and its competing hypotheses, likeliest first.
-
-    Odds that a hypothesis has beside the term are those of another missing effect.
-    """
-    model, rest = looked.whole, without(terms, k)
-    (group,) = (g for g in model.groups if g.key == terms[k].key)
-    (own,) = model.gains(rest, [group])
-    own = replace(own, odds=max(own.odds, _odds_of_parts(looked, rest, group)))
-    further = {t.key: max(t.odds, 0.0) for t in model.gains(terms)}
-    others = [
-        replace(t, odds=t.odds - further.get(t.key, 0.0))
-        for t in model.gains(rest)
-        if _may_rival(t.group, group)
-    ]
-    return own, sorted(others, key=lambda t: -t.odds)
+    term, rest, missing = kept[k], kept[:k] + kept[k + 1 :], looked.asked
+    others = [t for t in looked.whole.gains(rest) if _may_rival(t.group, term.group)]
+    named = [t for t in others if not _family(missing, t).unnamed]
+    unnamed = _family(missing, term).unnamed
+    odds = max(term.odds, _odds_of_parts(looked, rest, term.group))
+    rivals = [t for t in (others if unnamed else named) if t.odds > odds - RULES.rival]
+    nearest = [t for t in named if unnamed and t.group.place == term.group.place]
+    weight = float(softmax([odds, *(t.odds for t in others)])[0])
+    for c in _candidates(missing, looked.whole, kept, k):
+        if c.place in places:
+            gains = places[c.place], unseen
+            yield Part(c, term, *gains, tuple(rivals), weight, tuple(nearest[:3]))
 
 
 def _may_rival(one: Group, other: Group) -> bool:
