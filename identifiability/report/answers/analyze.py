@@ -126,7 +126,7 @@ class LadderedPresenter(PredictingPresenter):
         if verb == "prune":
             use = partial("{} --model {}".format, find)
             find = commands.on_file(result, "model", "pruned.toml", f"{again} --out", use)
-        elif result.chosen.count(Class.IDENTIFIABLE) < len(result.chosen.submodel):
+        elif _has_unknown(result.chosen):
             line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
             begun = commands.name_logs(result.robot, names, "--start-from", how)
             more = f"excite {self.robot} {begun} --out next.json"
@@ -485,6 +485,17 @@ def state_weight(result: Laddered[Any]) -> str:
 # What to do next.
 
 
+def _has_doubted(chosen: ModelResult) -> bool:
+    """Return whether an effect that may be missing puts a value in doubt."""
+    return any(Flag.IN_DOUBT in v.flags for v in chosen.verdicts)
+
+
+def _has_unknown(chosen: ModelResult) -> bool:
+    """Return whether a parameter is not identifiable, and not only in doubt."""
+    unknown = (v for v in chosen.verdicts if v.verdict is not Class.IDENTIFIABLE)
+    return any(Flag.IN_DOUBT not in v.flags for v in unknown)
+
+
 def _order_commands(
     result: Laddered[Any], lines: list[Command], find: str, ladder: str
 ) -> list[Command]:
@@ -502,6 +513,7 @@ def _order_commands(
     missing = command("missing", find)
     good = TONES[grade_of(result.chosen.error_ra_validation)] == "green"
     first = result.missing.functions or result.chosen.contradicted or not good
+    first = first or (_has_doubted(result.chosen) and not _has_unknown(result.chosen))
     # A ladder may come from a diagnosis, which proposes to compare.
     if not ladder:
         lines = [missing, *lines] if first else [*lines, missing]
