@@ -640,7 +640,7 @@ def load_by(robot: Description, axis: Axis, motion: Motion) -> Array:
     return row
 
 
-def known_torque(robot: Description, motion: Motion) -> Array:
+def known_torque(robot: Description, motion: Motion, *, beyond: bool = False) -> Array:
     """Return the torque of the actuated joints that is known beforehand, (N, n) [N·m or N].
 
     Joints whose measured torque is compensated for gravity also get minus the torque that holds the
@@ -649,11 +649,11 @@ def known_torque(robot: Description, motion: Motion) -> Array:
     Raises
     ------
     RobotError
-        If a position is outside the range of a known torque.
+        If a position is outside the range of a known torque, unless those `beyond` are allowed.
     """
     if motion.drives_alone:
         return np.zeros(motion.actuated_q.shape)
-    tau = tabulated_torque(robot, motion)
+    tau = tabulated_torque(robot, motion, beyond=beyond)
     compensated = [robot.torque.is_compensated(joint) for joint in robot.joints]
     if any(compensated):
         tau -= np.where(compensated, hold_weight(robot, motion), 0.0)

@@ -577,7 +577,8 @@ def _stated_torque(robot: Robot, log: Log, times: Array) -> Array:
     own = joint_log(robot, log)
     q = np.column_stack([np.interp(times, own.t, column) for column in own.q.T])
     rest = np.zeros(q.shape)
-    return known_torque(robot, complete_motion(robot, times, q, rest, rest))
+    # Positions as measured may leave the range in which those of the fit lie.
+    return known_torque(robot, complete_motion(robot, times, q, rest, rest), beyond=True)
 
 
 def state_reading(

@@ -853,7 +853,8 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         )
     own = 1 if plan.band is None else max(1, int(0.5 / (plan.band * plan.step)))
     # Signs are averaged joint by joint, and the sensor of a base is not low-passed.
-    simple = not (robot.base or robot.transmission or robot.passive_axes)
+    mixes = any(axis.mixed for axis in robot.axes)
+    simple = not (robot.base or robot.transmission or robot.passive_axes or mixes)
     most = simple * own / NODES
     if plan.cutoff is not None:
         most = min(most, RULES.cutoff_highest / (plan.cutoff * plan.step))
