@@ -259,7 +259,7 @@ def _cables(robot: Robot) -> bool:
 
 
 @declare(
-    "friction in passive joints",
+    "passive-joint friction",
     lambda robot: tuple(a.name for a in robot.passive_axes),
     stated=_cables,
     separate=True,

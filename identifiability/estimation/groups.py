@@ -618,8 +618,8 @@ class MissingEffects:
         first = next(iter(sure))
         largest = f"{first} ({state_probability(sure[first])})"
         if len(sure) == 1:
-            return f"{largest} seems to be missing"
-        return f"{len(sure)} effects seem to be missing, the largest is {largest}"
+            return f"the model lacks {largest}"
+        return f"the model lacks {len(sure)} effects, the largest is {largest}"
 
     def of_labels(self, submodel: Submodel, fit: Estimate) -> LabelAlternatives | None:
         """Return the effect of the groups on the values of a model; None where there is none."""

@@ -346,8 +346,8 @@ def _say_missing(fit: Fit, k: int, without: Verdict, percent: float, part: str) 
     told = {"what": fit.alternatives.names[k], "value": without.value, "share": percent / 100}
     told["used"] = fit.used[k]
     told |= {"known": without.sigma_label_percent / 100, "word": without.word}
-    seems = "seems to be" if fit.alternatives.named[k] else "may be"
-    return phrase("verdict", part, seems=seems, **told)
+    lacks = "lacks" if fit.alternatives.named[k] else "may lack"
+    return phrase("verdict", part, lacks=lacks, **told)
 
 
 def _decide(certain: bool, percent: float, effect: float, rules: Thresholds) -> Ruling:

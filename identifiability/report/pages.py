@@ -133,9 +133,7 @@ def comparison_moving(result: Comparison) -> Moving | None:
 
 def comparison_sections(result: Comparison) -> list[Section | None]:
     """Return the sections of the page."""
-    # The headline and its text say what a table of one row would.
-    said = len(result.changes) == 1 and not result.changes[0].parts
-    tables = [table for table in result.tables()[said:] if table.rows]
+    tables = [table for table in result.tables() if table.rows]
     course = _sessions(result)
     return [
         section("comparison.changes", *tables) if tables else None,

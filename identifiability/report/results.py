@@ -179,7 +179,7 @@ def set_symbols(text: str) -> Markup:
     escaped = str(text if isinstance(text, Markup) else for_html(text))  # a link is markup
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
-    escaped = re.sub(r"(?<=\d) (?=[%σ×]|N|mrad)", "\u00a0", escaped)
+    escaped = re.sub(r"(?<=[\d)]) (?=[%σ×]|N·|N\b|mrad|mm)", "\u00a0", escaped)
     escaped = re.sub(r" ± (?=\d)", "\u00a0±\u00a0", escaped)
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))
@@ -213,8 +213,9 @@ def build_page(result: Result) -> Page:
     shown = answer_first(result)
     warnings = [note("decides", text=text) for text in result.warnings]
     said = " ".join(one.short for one in shown.answers)
-    hints = [hint_note(x) for x in result.remarks if first_sentence(x) not in said]
+    hints = [hint_note(x) for x in result.remarks if first_sentence(x).lower() not in said.lower()]
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))
+    notes = tuple(x for x in notes if x.text not in said)
     tables = [_table_section(f"table-{k + 1}", table) for k, table in enumerate(result.tables())]
     done = [_table_section("ledger", table) for table in result.ledger()]
     sections = [*filter(None, _of_page(result, "sections", tables)), *done]

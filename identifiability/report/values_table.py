@@ -56,6 +56,7 @@ class _ModelRows:
         self.known = {v.name: (v, used, why) for v, used, why in each}
         missing = chosen.fit.alternatives
         self.effects = dict(zip(self.known, missing.names if missing else (), strict=False))
+        self.lacked = result.missing.functions
 
     def have(self, kind: str) -> bool:
         """Return whether the model, or the unpruned one, has parameters of a kind."""
@@ -72,7 +73,10 @@ class _ModelRows:
         file = sentence("values", part, value=stated_text(verdict.nominal, sigma))
         effect = self.effects.get(name)
         doubted = effect and Flag.IN_DOUBT in verdict.flags
-        word = sentence("values", "doubt", effect=effect) if doubted else verdict.word
+        lacks = "lacks" if effect in self.lacked else "may lack"
+        word = verdict.word
+        if doubted:
+            word = sentence("values", "doubt", effect=effect, lacks=lacks)
         note = f"{word}; {file}"
         more = sentence("values", "used", value=stated_text(used, sigma), why=why) if why else ""
         value = measured(verdict.value, sigma, verdict.unit)

@@ -84,9 +84,9 @@ MISREAD = (
     "says: correct these logs, and run again"
 )
 
-#: Families that a model gets if the rows surely show them.
-COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
-COMPLETED |= {PassiveJointFriction.name}
+#: Errors of measurement, and all families that a model gets if the rows surely show them.
+SENSOR_ERRORS = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
+COMPLETED = SENSOR_ERRORS | {PassiveJointFriction.name}
 
 #: Text after the statement of a reading that is used.
 SO = "All results use this reading."
@@ -986,6 +986,8 @@ def complete_model(data: Data, terms: Sequence[Term]) -> Data:
     texts = (f"{t.group.family}@{t.group.place}" for t in terms)
     model = replace(Model.of(*given.texts, *texts), random=given.random)
     said = phrase("alternative", "has", what=[describe_term(t) for t in terms])
+    if any(t.group.family in SENSOR_ERRORS for t in terms):
+        said = f"{said} {phrase('alternative', 'column')}"
     hints = (*data.hints, Finding("alternative", text=said))
     structure = Structure.of(data.robot, model)
     regression = structure.regression(data.samples)

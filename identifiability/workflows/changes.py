@@ -35,7 +35,7 @@ DIFFERING = (
     "passive_joint_friction",
 )
 #: Attributes that the size of a change sets.
-MEASURED = ("what", "names", "units", "sizes", "sd", "share", "share_sd", "felt", "parts")
+MEASURED = ("what", "names", "units", "before", "sizes", "sd", "share", "share_sd", "felt", "parts")
 #: A function that the model may lack at a joint whose friction is nonlinear.
 VELOCITY = "function_of_velocity"
 #: Parameters of a load that its weight determines.
@@ -180,6 +180,8 @@ class Change:
         Whether it came in several steps; its sizes are those of the last log.
     names, units : tuple of str
         Of its q numbers.
+    before : (q,)
+        These numbers before; NaN where that is not known, as of a load.
     sizes, sd : (q,)
         Of these, given all other changes.
     share, share_sd : float
@@ -220,6 +222,7 @@ class Change:
     course: tuple[Change, ...] = ()
     gradual: bool = False
     others: tuple[str, ...] = ()
+    before: Array = field(default_factory=lambda: np.empty(0))
     share: float = np.nan
     share_sd: float = np.nan
     felt: FeltTorque = field(default_factory=FeltTorque)
@@ -452,6 +455,7 @@ def _measure_change(
             seconds=duration,
             names=called,
             units=units,
+            before=np.where(levels[own] == 0, np.nan, levels[own]),
             sizes=sizes,
             sd=errors,
             share=share[0],

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
+from identifiability.estimation.groups import describe_term
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
@@ -78,6 +79,8 @@ class Comparison(OfStructure, Result):
         The surest first.
     unchanged : tuple of Unchanged
         What else may change at each joint and body.
+    lacks : tuple of str
+        Effects that the model lacks in all logs.
     hints : tuple of str
     preparation : Preparation
         Requested preparation of the logs.
@@ -95,6 +98,7 @@ class Comparison(OfStructure, Result):
     after: tuple[str, ...]
     changes: tuple[Change, ...]
     unchanged: tuple[Unchanged, ...]
+    lacks: tuple[str, ...]
     hints: tuple[str, ...]
     preparation: Preparation
     motion: Motion
@@ -249,6 +253,7 @@ def compare(
         changes = list_log_changes(found, terms, sides.names)
         hints = (*_check_reading(case, unchanged, found.known.base, run), *unchanged.hints)
         torque = DifferentTorque.of(found, terms, len(unchanged.validation))
+        lacks = tuple(describe_term(t) for t in terms if not found.whose(t).pattern)
     later, earlier = sides.paths
     return Comparison(
         structure=unchanged.structure,
@@ -257,6 +262,7 @@ def compare(
         after=later,
         changes=changes,
         unchanged=list_unchanged(found, terms, changes),
+        lacks=lacks,
         hints=hints,
         preparation=case.preparation or Preparation(),
         motion=sides.samples[torque.log].motion,

@@ -296,7 +296,8 @@ def state_quantities(
     body : (10,)
         The physically consistent body nearest to it, divided by the factor.
     length : float [m]
-        Size of the robot's bodies: a centre with a wider interval is not identifiable.
+        Size of the robot's bodies. A number of either sign may be zero: it is identifiable if it is
+        sure to its size, a centre to this length, a product to the least moment.
     scale : TorqueScale
         The factor by which torque is read too large.
     """
@@ -304,8 +305,10 @@ def state_quantities(
     half = _half_widths(found, body, scale)
     low = values - half
     high = values + half
-    centre = np.array([name.startswith("centre") for name in QUANTITIES])
-    unsure = np.where(centre, half > length, (low <= 0) & (high >= 0))
+    vague = POSITIVE & (low <= 0)
+    moment = 0.0 if vague[4:7].any() else values[4:7].min()
+    size = np.repeat([length, moment], [4, 6])
+    unsure = np.where(POSITIVE, vague, half > size)
     low = np.where(POSITIVE, np.maximum(low, 0.0), low)
     out = []
     for k, (name, unit) in enumerate(QUANTITIES.items()):
@@ -315,7 +318,8 @@ def state_quantities(
         elif k and unsure[0]:
             why = phrase("untold", "mass")
         elif unsure[k]:
-            why = phrase("untold", "vague" if centre[k] else "most", length=length)
+            part = "most" if POSITIVE[k] else "vague" if unit == "m" else "product"
+            why = phrase("untold", part, length=length)
         out.append(Quantity(name, unit, float(values[k]), float(low[k]), float(high[k]), why))
     return tuple(out)
 

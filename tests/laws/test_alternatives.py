@@ -66,11 +66,11 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     read_back = read_fit(found.to_json(tmp_path / "result.json"), "two-link")
     for fit in (found.fit, read_back):
         said = " ".join(fit.predict(logs(0.5, 3)).hints)
-        assert f"{name} is missing in the model" in said
+        assert f"The model lacks {name}" in said
     exported = export("two-link", tmp_path / "result.json", tmp_path / "fitted.xml")
-    assert f"{name} is missing in the model" in exported.statement
+    assert f"The model lacks {name}" in exported.statement
     short = answer_first(found).answers[2].short
-    assert short.startswith(f"Not yet: {name} (probability ")
+    assert short.startswith(f"Not yet: the model lacks {name} (probability ")
     assert short in found.statement
     assert "diagnose(" in found.next()[0][1]
     assert found.to_dict()["missing_functions"][0]["joint"] == "elbow"
@@ -129,4 +129,4 @@ def test_the_card_warns_by_fitted_and_unseen_rows_together():
     (named,) = missing.named
     # The fitted rows alone would not be enough to warn.
     assert named.odds < 3.0 < named.unseen
-    assert missing.statement.startswith("joint stiffness in elbow")
+    assert missing.statement.startswith("the model lacks joint stiffness in elbow")

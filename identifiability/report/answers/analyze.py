@@ -28,13 +28,14 @@ from identifiability.foundation.rounding import (
     LEVEL,
     format_count,
     format_number,
+    join,
     measured,
     percent_text,
     stated_text,
 )
 from identifiability.physical.cad_prior import find_rises
 from identifiability.workflows.analyze.result import compare_logs, stated_values
-from identifiability.workflows.case import COMPLETED
+from identifiability.workflows.case import SENSOR_ERRORS
 from identifiability.workflows.provenance import given_paths
 
 from . import commands
@@ -48,7 +49,9 @@ from .common import (
     after_mass,
     answer,
     answer_trust,
+    capital,
     command,
+    first_sentence,
     grade_of,
     hint_note,
     join_sentences,
@@ -270,10 +273,10 @@ class AnalysisPresenter(LadderedPresenter):
         if result.nothing:
             return answer(about, "nothing")
         part = "unjudged" if chosen.unjudged else "found"
-        tone = "blue" if chosen.feasible else "amber"
+        tone = "blue" if is_nearly_real(chosen) else "amber"
         use = sentence(about, "use", name=chosen.name)
         count = len(chosen.submodel)
-        text = join_sentences(_state_unknown(chosen), use)
+        text = join_sentences(_state_unknown(chosen), use, state_nearest(chosen))
         found = found_cell(chosen).text
         return answer(about, part, text, tone, found=found, count=count)
 
@@ -309,6 +312,21 @@ class AnalysisPresenter(LadderedPresenter):
 # How good the model to use is, and whether to trust it.
 
 
+def is_nearly_real(model: ModelResult) -> bool:
+    """Return whether physically consistent values predict unseen motion about as well."""
+    return model.feasible or model.unseen_by(1) <= (1 + VISIBLE) * model.unseen_by(0)
+
+
+def state_nearest(model: ModelResult) -> str:
+    """Return that no real robot has exactly the values, with the error of the nearest ones."""
+    near = model.unseen_by(1)
+    if model.feasible or not np.isfinite(near):
+        return ""
+    about = "laddered.statement"
+    error = "" if model.physical_used else sentence(about, "errs", near=near)
+    return sentence(about, "nearest", error=error)
+
+
 def _state_left_out(result: Laddered[Any]) -> str:
     """Return which rows the error leaves out, as they have no weight."""
     left = result.left_out
@@ -333,12 +351,15 @@ def count_kinds(names: Iterable[str]) -> Counter[str]:
 
 
 def _state_unknown(chosen: ModelResult) -> str:
-    """Return which kinds of parameter are not identifiable, the most frequent first."""
-    verdicts = [] if chosen.unjudged else chosen.verdicts
-    unknown = count_kinds(v.name for v in verdicts if v.verdict is not Class.IDENTIFIABLE)
-    every = count_kinds(v.name for v in verdicts)
-    each = [f"{n} of {format_count(every[kind], kind)}" for kind, n in unknown.most_common()]
-    return sentence("analysis.use", "open", each=each) if each else ""
+    """Return how many parameters have each other verdict, and their kinds, the frequent first."""
+    others = [v for v in chosen.verdicts if v.verdict is not Class.IDENTIFIABLE]
+    if chosen.unjudged or not others:
+        return ""
+    doubted = Counter(Flag.IN_DOUBT if Flag.IN_DOUBT in v.flags else v.verdict for v in others)
+    labels = join([f"{n} {WORDS['analysis.others'][of]}" for of, n in doubted.most_common()])
+    kinds = count_kinds(v.name for v in others)
+    each = [format_count(n, kind) for kind, n in kinds.most_common()]
+    return sentence("analysis.use", "open", others=len(others), labels=labels, each=each)
 
 
 def _state_own_means(result: Laddered[Any]) -> str:
@@ -404,12 +425,14 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     if result.nothing:
         doubt = sentence("laddered.trust", "nothing", why=result.nothing)
     missing = result.missing.statement
-    notes = result.cautions()
-    usual = answer_trust(notes, doubt, missing, result.warnings, _state_in_doubt(result))
     odd = [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
-    text = f"{_state_measurement(result)} {usual.short} {usual.text}".lstrip()
+    headline = first_sentence(*odd)
+    notes = [n for n in result.cautions() if first_sentence(n.text) != headline]
+    usual = answer_trust(notes, doubt, missing, result.warnings, _state_in_doubt(result))
     if doubt or not odd:
         return usual
+    others = () if usual.tone == "green" else (usual.short, usual.text)
+    text = join_sentences(_state_measurement(result), *others)
     return replace(usual, short=odd[0], text=text, tone="amber")
 
 
@@ -423,12 +446,13 @@ def _state_in_doubt(result: Laddered[Any]) -> str:
     effects = Counter(filter(None, (alternatives.names[k] for k in doubted)))
     ((effect, _),) = effects.most_common(1) or [("", 0)]
     names = [chosen.verdicts[k].name for k in doubted]
-    return effect and sentence("trust", "doubted", names=names, effect=effect)
+    lacks = "lacks" if effect in result.missing.functions else "may lack"
+    return effect and sentence("trust", "doubted", names=names, effect=effect, lacks=lacks)
 
 
 def _state_measurement(result: Laddered[Any]) -> str:
     """Return the values of the errors of measurement that the model has, in words."""
-    names = {p.name for p in result.structure.parameters if p.group in COMPLETED}
+    names = {p.name for p in result.structure.parameters if p.group in SENSOR_ERRORS}
     every = (v for v in result.chosen.verdicts if v.name in names)
     values = [f"{v.name} = {measured(v.value, v.sigma_label, v.unit)}" for v in every]
     numbers = dict(zip(result.chosen.submodel.columns, result.chosen.recommended, strict=True))
@@ -611,7 +635,8 @@ def _parameter_row(v: Verdict, used: float, why: str, most: float) -> dict[str, 
         more = sentence("values", "used", value=usage.text, why=why)
         value = replace(value, note=sentence("values", "differs"), more=more)
     share_bar = bar(100 * v.share, 100 * most)
-    verdict = Cell(v.word, v.word, v.reason, v.look)
+    flags = f"{capital(', '.join(v.flags))}. " if v.flags else ""
+    verdict = Cell(v.verdict, v.word, f"{flags}{v.reason}", v.look)
     return {
         "name": name,
         "value": value,

@@ -353,7 +353,7 @@ def answer_trust(
     doubt : str
         Why no value is reliable; empty where something is.
     missing : str
-        The missing effects and their probability (`MissingEffects.statement`).
+        That the model lacks effects, with their probability (`MissingEffects.statement`).
     warnings : sequence of str
         What changes a decision.
     in_doubt : str

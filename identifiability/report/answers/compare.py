@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,13 @@ from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, format_number, measured, state_probability
+from identifiability.foundation.rounding import (
+    REACH,
+    format_number,
+    measured,
+    state_probability,
+    stated_text,
+)
 
 from .commands import export_line, ladder_option, name_logs, validate_options
 from .common import (
@@ -71,7 +77,11 @@ class ComparisonPresenter(AnsweringPresenter):
         text = join_sentences(*map(_state_evidence, result.changes), use)
         changed = Answer(question, result.answer, text, tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
-        trust = replace(answer("comparison.trust", "logs", "", "amber"), more=why)
+        about = "comparison.trust"
+        lacks = [name.replace("an unnamed", "a") for name in result.lacks]
+        part = "lacks" if lacks else "logs"
+        allowed = sentence(about, "allowed") if lacks else ""
+        trust = replace(answer(about, part, allowed, "amber", lacks=lacks), more=why)
         cause = _answer_cause(result)
         return changed, *cause, trust
 
@@ -103,8 +113,9 @@ class ComparisonPresenter(AnsweringPresenter):
         return f"analyze {self.robot} {logs}{held}{ladder} --json analyze.json"
 
     def tables(self) -> tuple[Table, ...]:
-        """Return a row for each change, then for each joint or body what would have been seen."""
-        changed = [_change_row(part) for c in self.result.changes for part in c.parts or (c,)]
+        """Return a row for each number that changed, then what would have been seen at a place."""
+        every = (part for change in self.result.changes for part in change.parts or (change,))
+        changed = [row for change in every for row in _change_rows(change)]
         limits = _limit_table(self.result.unchanged)
         if not changed:
             return (limits,)
@@ -256,19 +267,29 @@ def _title(change: Change | Unchanged) -> str:
     return change.what.removesuffix(f" of {change.place}")
 
 
-def _change_row(change: Change) -> tuple[object, ...]:
-    """Return the row of a change: place, quantity, size, torque, probability, logs, rivals."""
-    size, sd = change.relative
-    by = signed(100 * size, 100 * sd, "%")
-    if change.kind == "load":
-        by = signed(change.sizes[0], change.sd[0], "kg")
+def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
+    """Yield the rows of a change: its first number, and others whose intervals exclude zero.
+
+    The first row has the torque, the logs and the rivals of all of them.
+    """
     felt = change.felt
     torque = signed(felt.rms, felt.sd, felt.unit)
-    if felt.joint != change.place:
+    if felt.joint not in ("", change.place):
         torque = f"{torque} at {felt.joint}"
     rivals = "; ".join(state_alternatives(change))
     probability = state_probability(change.odds).removeprefix("probability ")
-    return change.place, _title(change), by, torque, probability, change.when, rivals
+    more = torque, probability, change.when, rivals
+    numbers = zip(change.names, change.before, change.sizes, change.sd, change.units, strict=True)
+    for k, (name, level, size, sd, unit) in enumerate(numbers):
+        if k and abs(size) <= REACH * sd:
+            continue
+        times, shown = (100, "%") if unit == "1" else (1, unit)
+        ends = [""] * 2
+        if np.isfinite(level):
+            ends = [f"{stated_text(times * x, times * sd)} {shown}" for x in (level, level + size)]
+        by = signed(times * size, times * sd, shown)
+        yield Cell(name, note="" if k else _title(change)), *ends, by, *more
+        more = "", probability, "", ""
 
 
 def _limit_table(unchanged: Sequence[Unchanged]) -> Table:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Table
-from identifiability.foundation.errors import listing
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, format_measured, measured
@@ -27,7 +26,7 @@ from .common import (
 from .tables import make_table, span_cell
 
 if TYPE_CHECKING:
-    from identifiability.workflows.payload import Load
+    from identifiability.workflows.payload import Load, Quantity
 
 
 class LoadPresenter(AnsweringPresenter):
@@ -81,10 +80,11 @@ class LoadPresenter(AnsweringPresenter):
         shown = result.quantities if result.known is None else result.gains
         rows = []
         for q in shown:
-            value = measured(q.value, q.sigma, q.unit) if q.told else NONE
+            times, unit = _shown_unit(q)
+            value = measured(times * q.value, times * q.sigma, unit) if q.told else NONE
             word = result[q.name].verdict
             bounded = not q.told and q.low == 0 and np.isfinite(q.high)
-            ends = _bound_cell(q.high) if bounded else span_cell(q.low, q.high)
+            ends = _bound_cell(q.high) if bounded else span_cell(times * q.low, times * q.high)
             rows.append((q.name, value, ends, Cell(word, word, q.why, word)))
         return (make_table("load", rows, caption=sentence("payload.tables", part)),)
 
@@ -93,6 +93,11 @@ class LoadPresenter(AnsweringPresenter):
         result = self.result
         shown = result.quantities if result.known is None else result.gains
         return by_name(pd.DataFrame([{**asdict(q), "told": q.told} for q in shown]))
+
+
+def _shown_unit(quantity: Quantity) -> tuple[float, str]:
+    """Return the factor and unit in which a quantity is shown: positions in mm."""
+    return (1e3, "mm") if quantity.unit == "m" else (1.0, quantity.unit)
 
 
 def _bound_cell(high: float) -> Cell:
@@ -159,11 +164,16 @@ def _answer_known(result: Load) -> Answer:
     unknown = [q.name for q in result.quantities if not q.told]
     count = len(result.quantities)
     tone = "blue" if all(q.told for q in centre) else "amber"
-    holes: dict[str, Any] = {"found": count - len(unknown), "names": listing(unknown, count)}
-    text = sentence(about, "lost", count=count, **holes) if unknown else ""
+    whys = dict.fromkeys(q.why for q in result.quantities if not q.told)
+    reasons = "; ".join(
+        sentence(about, "reason", why=why, names=[q.name for q in result.quantities if q.why == why])
+        for why in whys
+    )
+    found = count - len(unknown)
+    text = sentence(about, "lost", count=count, found=found, reasons=reasons) if unknown else ""
     told = [q for q in centre if q.told]
     part = {0: "open", len(centre): "centre"}.get(len(told), "some")
-    at = ", ".join(measured(q.value, q.sigma) for q in told)
+    at = ", ".join(measured(1e3 * q.value, 1e3 * q.sigma) for q in told)
     names = [q.name for q in told]
     return answer(about, part, text, tone, at=at, names=names, body=result.body)
 

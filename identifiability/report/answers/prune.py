@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from identifiability.estimation.evidence import LEVELS, may_stand
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.rounding import format_count, format_number, percent_text
 
-from .analyze import LadderedPresenter, count_kinds, error_tables, model_row
-from .common import answer, join_sentences, note, sentence
+from .analyze import (
+    LadderedPresenter,
+    count_kinds,
+    error_tables,
+    is_nearly_real,
+    model_row,
+    state_nearest,
+)
+from .common import answer, capital, join_sentences, note, sentence
 from .tables import make_table
 
 if TYPE_CHECKING:
@@ -31,8 +40,19 @@ class LadderPresenter(LadderedPresenter):
         path = path if result.validation else path.without("held out")
         return (path, *error_tables(result))
 
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the model to use, its error beside that of the full model, and the reliability."""
+        result = self.result
+        use, error, *others = super().asked()
+        size = len(result.full)
+        if not result.nothing and len(result.chosen) < size:
+            full = result.full.error_ra_validation
+            text = sentence("pruning.use", "full", size=size, error=full)
+            error = replace(error, text=join_sentences(text, error.text))
+        return use, error, *others
+
     def answer_use(self) -> Answer:
-        """Return which model is worth using."""
+        """Return which model is worth using, and the rule that chose it."""
         result = self.result
         about = "pruning.use"
         chosen = result.chosen
@@ -42,22 +62,33 @@ class LadderPresenter(LadderedPresenter):
             return answer(about, "nothing", text, size=size)
         wrong = chosen.infeasible
         used = len(chosen)
-        errors = {"before": result.full.error_ra_validation, "after": chosen.error_ra_validation}
-        motion = "held-out logs" if result.validation else "left-out stretches"
-        counts = {"size": size, "used": used, "dropped": size - used}
-        holes: dict[str, Any] = {**counts, **errors, "motion": motion}
         part = "some" if used < size else "all"
+        why = state_choice(result) if used < size else ""
         found = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
-        text = join_sentences(_state_dropped(result), found, signs)
-        tone = "green" if chosen.feasible else "amber"
-        return answer(about, part, text, tone, **holes)
+        text = join_sentences(why, _state_dropped(result), found, signs, state_nearest(chosen))
+        tone = "green" if is_nearly_real(chosen) else "amber"
+        return answer(about, part, text, tone, size=size, used=used)
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and whether the choice is stable."""
         yield from super().notes()
         weight = self.result.chosen.weight
         yield note("stable" if weight > 0.5 else "unstable", weight=weight)
+
+
+def state_choice(result: Ladder) -> str:
+    """Return the rule by which the model to use was chosen, with its numbers."""
+    chosen = result.chosen
+    best = result.models[result.least]
+    if len(chosen) == len(best):
+        return sentence("pruning.choice", "best")
+    lower = best.density - chosen.density
+    part = "physical"
+    if may_stand(chosen.step.score, best.step.score):
+        part = "near" if lower <= LEVELS.nats else "rise"
+    rule = sentence("pruning.choice", part, lower=lower, nats=LEVELS.nats, rise=LEVELS.rise)
+    return sentence("pruning.choice", "smallest", best=len(best), rule=rule)
 
 
 def _state_dropped(result: Ladder) -> str:
@@ -72,11 +103,15 @@ def _move_row(r: PrunedModel) -> dict[str, Any]:
     """Return a model of the path, and the move that led to it, as one row of a table."""
     move = r.step.move
     worst = r.worst_sigma_percent
-    text = f"{move.kind.value}: {move.text}" if move is not None else r.name
+    text = r.name
+    if move is not None:
+        # A drop has no reason beyond its cost, which the lead of the table states.
+        text = f"{move.kind.value}: {move.text}" if move.why else move.text
+    why = "" if move is not None and not move.why else r.reason
     condition = f"condition {format_number(r.estimate.condition, 3)}"
     worst_cell = Cell(percent_text(worst), worst, condition)
     cells = {
-        "move": Cell(text, note=r.reason),
+        "move": Cell(capital(text), note=why),
         "worst": worst_cell,
     }
     return model_row(r) | cells
