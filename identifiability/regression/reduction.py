@@ -238,7 +238,7 @@ def default_ladder(robot: Robot) -> LadderEntry:
     said = "every base parameter, with torque offsets" if joints else "the body"
     full = ModelEntry(name="full model", description=said, effects=[*effects])
     said = "no constant torque in any joint"
-    bare = ModelEntry(name="no torque offset", description=said, zero=["*.off"])
+    bare = ModelEntry(name="without torque offset", description=said, zero=["*.off"])
     return LadderEntry(models=[full, bare] if joints else [full])
 
 

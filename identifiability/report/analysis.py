@@ -180,7 +180,8 @@ def section_ladder(analysis: Analysis) -> Section:
     """Return the ladder of models: why the selected one."""
     chosen = analysis.chosen
     models = analysis.models
-    why = sentence("analysis.why", "smallest" if models[1:] else "only", title=model_title(chosen))
+    part = "smallest" if models[1:] else "only"
+    why = capital(sentence("analysis.why", part, title=model_title(chosen)))
     table = analysis.tables()[0]
     return section(
         "analysis.models",

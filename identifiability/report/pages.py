@@ -159,7 +159,8 @@ def _sessions(result: Comparison) -> Picture | None:
 
 def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    about = f"{d.robot.path.name} · model: {', '.join(d.base).replace('_', ' ')}"
+    effects = ", ".join(d.base).replace("_", " ").replace("coulomb", "Coulomb")
+    about = f"{d.robot.path.name} · model: {effects}"
     return "Effects that the model lacks", f"{about}{' · values fixed' if d.fixed else ''}"
 
 
@@ -426,12 +427,13 @@ def inspection_moving(result: Inspection) -> Moving | None:
     if not (np.isfinite(first.q).all() and np.isfinite(first.tau).all()):
         return None
     still = np.zeros_like(result.records[0].q)
-    motion = complete_motion(result.robot, first.t, first.q, still, still)
+    t = first.t - first.clock["start"]
+    motion = complete_motion(result.robot, t, first.q, still, still)
     lines = {"from commands" if "kp" in first.joints else "measured": first.tau}
     return move_with_torque(
         result.robot,
         motion,
-        first.t,
+        t,
         first.tau,
         lines,
         first.name,
@@ -490,7 +492,7 @@ def _robot(result: Inspection) -> list[Section]:
     base = result.base
     groups = zip(base.names, base.units, base.labels, strict=True)
     joint_section = section("inspection.joints", phrase("needs", "naming"), joints)
-    effects = ", ".join(result.effects)
+    effects = ", ".join(result.effects).replace("_", " ")
     parameters = section(
         "inspection.parameters",
         make_table("grouped", groups),

@@ -309,7 +309,8 @@ def move_with_torque(
     if moving is None:
         return None
     trace = Trace.of(for_svg(name), robot.torque_units[k], t[:end] - t[0], own, POINTS)
-    moving = replace(moving, torque=trace)
+    # Times of the log, as in the plots below.
+    moving = replace(moving, torque=trace, t=moving.t + t[0])
     if load is not None:  # as large in all frames
         marks = np.arange(moving.joints) == moving.joints - 1
         sizes = np.tile(0.3 * marks, (len(moving.t), 1))

@@ -556,9 +556,10 @@ def _order_commands(
 
 def model_title(result: ModelResult) -> str:
     """Return the name of a model inside a sentence."""
-    if "model" in result.name.lower():
-        return result.name
-    return f"“{result.name}”"
+    name = result.name
+    if "model" in name.lower():
+        return name
+    return f"the model {name}" if name.startswith("without ") else f"“{name}”"
 
 
 def found_cell(model: ModelResult) -> Cell:

@@ -60,8 +60,9 @@ def capital(text: str) -> str:
 
 
 def first_sentence(*texts: str) -> str:
-    """Return the first sentence of the first of some texts."""
-    return "".join(texts[:1]).partition(". ")[0].rstrip(".")
+    """Return the first sentence of the first of some texts, as it stands after a colon."""
+    first = "".join(texts[:1]).partition(". ")[0].rstrip(".")
+    return f"the {first[4:]}" if first.startswith("The ") else first
 
 
 def sentence(name: str, what: str = "text", /, **holes: Any) -> str:
@@ -224,6 +225,7 @@ class PredictingPresenter(AnsweringPresenter):
         question: str = "",
         raw: float = math.nan,
         part: str = "error",
+        uses_first: bool = False,
     ) -> Answer:
         """Return the error of the predictions, and the joint with the largest error.
 
@@ -239,6 +241,8 @@ class PredictingPresenter(AnsweringPresenter):
             Error of torque that no filter has passed.
         part : {"error", "along"}
             Whether the error is of unseen motion.
+        uses_first : bool
+            Whether the headline is the uses of the model: the page states the error above.
         """
         error = self.errors()[0]
         if not np.isfinite(error):
@@ -251,6 +255,7 @@ class PredictingPresenter(AnsweringPresenter):
         uses = sentence("decision.uses", grade)
         if tone != "vermilion" and reserved:
             uses = sentence("quality", "settled", uses=f"{uses[0].lower()}{uses[1:]}")
+        about = text
         text = join_sentences(text, uses)
         # A filter makes a difference.
         if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
@@ -258,7 +263,10 @@ class PredictingPresenter(AnsweringPresenter):
         if noisy:
             text, more = sentence("quality", "quieter"), join_sentences(text, more)
         found = answer("quality", part, text, tone, question=question, error=error, worst=worst)
-        return replace(found, short=join_sentences(found.short, noisy), more=more)
+        found = replace(found, short=join_sentences(found.short, noisy), more=more)
+        if uses_first:
+            return replace(found, short=uses, text=join_sentences(found.short, about))
+        return found
 
     def _state_worst(self) -> tuple[str, str, str]:
         """Return the worst joint in words, whether its error is noise, and the grade of all."""

@@ -75,7 +75,8 @@ class DiagnosisPresenter(PredictingPresenter):
         missing = after_mass(_answer_missing(result), result.mass_warning)
         question = sentence("diagnosis.residual", "question")
         scale = sentence("quality", "scale")
-        error = self.answer_error(scale, result.unexplained, question=question)
+        first = result.moved is None
+        error = self.answer_error(scale, result.unexplained, question=question, uses_first=first)
         error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending

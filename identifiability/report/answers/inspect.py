@@ -71,7 +71,10 @@ class InspectionPresenter(AnsweringPresenter):
         for row in rows:
             row["position"] = span_cell(row["low"], row["high"])
             row["torque"] = span_cell(row["torque_low"], row["torque_high"])
-        motion = make_table("commanded" if "kp" in frame else "recorded", rows)
+        names = {(row["unit"], row["torque_unit"]) for row in rows}
+        units = ["{0}, {0}/s, {0}/s², {1}".format(*pair) for pair in names]
+        shown = units[0] if len(units) == 1 else "SI units"
+        motion = make_table("commanded" if "kp" in frame else "recorded", rows, units=shown)
         if len(result.records) == 1:
             motion = motion.without("log")
         return make_table("clock", map(_clock_row, result.records)), motion

@@ -166,7 +166,9 @@ def _answer_known(result: Load) -> Answer:
     tone = "blue" if all(q.told for q in centre) else "amber"
     whys = dict.fromkeys(q.why for q in result.quantities if not q.told)
     reasons = "; ".join(
-        sentence(about, "reason", why=why, names=[q.name for q in result.quantities if q.why == why])
+        sentence(
+            about, "reason", why=why, names=[q.name for q in result.quantities if q.why == why]
+        )
         for why in whys
     )
     found = count - len(unknown)

@@ -14,7 +14,11 @@ function drawTraces(figure) {
     const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
     const limit = (name) => name.endsWith(" allowed") || name.startsWith("95 %");
     const edges = data.names.flatMap((name, k) => (limit(name) ? [k + 1] : []));
-    const digits = (u, x) => (x == null ? "\u2014" : Number(x.toPrecision(4)).toString());
+    const digits = (u, x) => (x == null ? "" : Number(x.toPrecision(4)).toString());
+    // The lower end of a band reads both ends off; the upper end has no entry of its own.
+    const ends = (u, x, s, at) => (at == null ? "" : edges.map((k) => digits(u, u.data[k][at])).join(" \u2026 "));
+    const low = data.names[edges[0] - 1], both = edges.length === 2;
+    const shared = both && (low.startsWith("95 %") ? "95 % interval" : "allowed");
     plot = new uPlot({
       width: box.clientWidth - 20, height: Math.max(200, Math.min(420, box.clientWidth * 0.36)),
       scales: { x: { time: false } },
@@ -22,12 +26,12 @@ function drawTraces(figure) {
       legend: { live: true },
       axes: [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
-        label: name, stroke: limit(name) ? colour("--blue") : paint(name, k), width: name.startsWith("95 %") ? 0.4 : k ? 1.4 : 2.6,
-        value: digits, dash: name.endsWith(" allowed") ? [6, 4] : [],
+        label: limit(name) && both ? shared : name, class: both && k + 1 === edges[1] ? "upper" : undefined, stroke: limit(name) ? colour("--blue") : paint(name, k), width: name.startsWith("95 %") ? 0.4 : k ? 1.4 : 2.6,
+        value: limit(name) && both ? ends : digits, dash: name.endsWith(" allowed") ? [6, 4] : [],
         points: { show: false },
       }))],
       bands: edges.length === 2
-        ? [{ series: edges.reverse(), fill: `color-mix(in srgb, ${colour("--blue")} 14%, transparent)` }] : [],
+        ? [{ series: [...edges].reverse(), fill: `color-mix(in srgb, ${colour("--blue")} 14%, transparent)` }] : [],
       hooks: {
         drawClear: [(u) => {  // where the first line breaks
           const [x, y] = data.rows;
@@ -46,7 +50,13 @@ function drawTraces(figure) {
     }, data.rows, box);
     reset.onclick = () => plot.setScale("x", { min: data.rows[0][0], max: data.rows[0].at(-1) });
   };
-  for (const button of buttons) button.addEventListener("click", () => show(button));
+  for (const button of buttons) button.addEventListener("click", () => {
+    show(button);
+    // Plots of one section show the same joint.
+    for (const twin of button.closest("section").querySelectorAll("[data-trace][aria-pressed=false]")) {
+      if (twin.textContent === button.textContent && twin.checkVisibility()) twin.click();
+    }
+  });
   const again = () => show(buttons.find((b) => b.getAttribute("aria-pressed") === "true"));
   let width = 0;  // none while it is hidden
   new ResizeObserver(() => {
