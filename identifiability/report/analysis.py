@@ -24,7 +24,6 @@ from identifiability.workflows.predict import Fit
 from . import plot
 from .answers.analyze import error_tables, file_table, label_note, model_title, parameter_table
 from .answers.common import capital, note, sentence, words
-from .answers.prune import state_choice
 from .answers.tables import make_table
 
 if TYPE_CHECKING:
@@ -407,10 +406,9 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         effects=", ".join(ladder.effects),
         **settings,
     )
-    rule = "" if ladder.nothing else state_choice(ladder)
     return [
         section_values(ladder),
-        section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why", rule=rule)),
+        section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why")),
         section_survivors(ladder),
         None if ladder.nothing else section_correlated(ladder.fit),
         section("pruning.method", Prose(tuple(text.values()))),

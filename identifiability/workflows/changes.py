@@ -15,7 +15,7 @@ import numpy as np
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.differences import WARM, Differences
-from identifiability.estimation.groups import place_of
+from identifiability.estimation.groups import describe_term, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Terms, without
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import INERTIAL_KINDS, Array
@@ -342,6 +342,11 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
         changes.append(replace(change, alternatives=competing, course=course))
     ordered = sorted(changes, key=lambda c: -c.odds)
     return tuple(_join_steps(ordered, names[: found.later]))
+
+
+def list_lacks(found: Differences, terms: Terms) -> tuple[str, ...]:
+    """Return the effects among terms that act in all logs: the model lacks them."""
+    return tuple(describe_term(t) for t in terms if not found.whose(t).pattern)
 
 
 def _says_same(other: Change, change: Change) -> bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
-from identifiability.estimation.groups import describe_term
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
@@ -33,6 +32,7 @@ from .changes import (
     DifferentTorque,
     FeltTorque,
     Unchanged,
+    list_lacks,
     list_log_changes,
     list_unchanged,
 )
@@ -253,7 +253,6 @@ def compare(
         changes = list_log_changes(found, terms, sides.names)
         hints = (*_check_reading(case, unchanged, found.known.base, run), *unchanged.hints)
         torque = DifferentTorque.of(found, terms, len(unchanged.validation))
-        lacks = tuple(describe_term(t) for t in terms if not found.whose(t).pattern)
     later, earlier = sides.paths
     return Comparison(
         structure=unchanged.structure,
@@ -262,7 +261,7 @@ def compare(
         after=later,
         changes=changes,
         unchanged=list_unchanged(found, terms, changes),
-        lacks=lacks,
+        lacks=list_lacks(found, terms),
         hints=hints,
         preparation=case.preparation or Preparation(),
         motion=sides.samples[torque.log].motion,

@@ -18,7 +18,6 @@ import scipy
 from identifiability.effects import FAMILIES
 from identifiability.effects.inertia import Payload
 from identifiability.estimation.differences import UNTOLD, WEIGHS, Differences, Known, pooled_values
-from identifiability.estimation.groups import describe_term
 from identifiability.estimation.mixed_model import MixedModel, Terms
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import percent_of
@@ -52,7 +51,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, last_bodies, ten_parameters, tool_bodies
-from identifiability.workflows.changes import Change, DifferentTorque, list_log_changes
+from identifiability.workflows.changes import Change, DifferentTorque, list_lacks, list_log_changes
 
 from .case import MEASURED, Case, take_case
 from .compare import read_sides
@@ -128,7 +127,7 @@ def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
     told = turn[:, ~open_] * size / scale[:, None]
     unknown = np.linalg.qr(turn[:, open_] / scale[:, None])[0]
     root = (turn[:, ~open_] / size).T * scale
-    lacks = tuple(describe_term(t) for t in terms if not found.whose(t).pattern)
+    lacks = list_lacks(found, terms)
     torque = DifferentTorque.of(found, terms, 1)
     return LoadEstimate(
         theta=theta,

@@ -274,7 +274,7 @@ class AnalysisPresenter(LadderedPresenter):
             return answer(about, "nothing")
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if is_nearly_real(chosen) else "amber"
-        use = sentence(about, "use", name=chosen.name)
+        use = sentence(about, "use", name=chosen.name.removeprefix("Model "))
         count = len(chosen.submodel)
         text = join_sentences(_state_unknown(chosen), use, state_nearest(chosen))
         found = found_cell(chosen).text

@@ -225,7 +225,6 @@ class PredictingPresenter(AnsweringPresenter):
         question: str = "",
         raw: float = math.nan,
         part: str = "error",
-        uses_first: bool = False,
     ) -> Answer:
         """Return the error of the predictions, and the joint with the largest error.
 
@@ -241,8 +240,6 @@ class PredictingPresenter(AnsweringPresenter):
             Error of torque that no filter has passed.
         part : {"error", "along"}
             Whether the error is of unseen motion.
-        uses_first : bool
-            Whether the headline is the uses of the model: the page states the error above.
         """
         error = self.errors()[0]
         if not np.isfinite(error):
@@ -255,7 +252,6 @@ class PredictingPresenter(AnsweringPresenter):
         uses = sentence("decision.uses", grade)
         if tone != "vermilion" and reserved:
             uses = sentence("quality", "settled", uses=f"{uses[0].lower()}{uses[1:]}")
-        about = text
         text = join_sentences(text, uses)
         # A filter makes a difference.
         if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
@@ -263,10 +259,7 @@ class PredictingPresenter(AnsweringPresenter):
         if noisy:
             text, more = sentence("quality", "quieter"), join_sentences(text, more)
         found = answer("quality", part, text, tone, question=question, error=error, worst=worst)
-        found = replace(found, short=join_sentences(found.short, noisy), more=more)
-        if uses_first:
-            return replace(found, short=uses, text=join_sentences(found.short, about))
-        return found
+        return replace(found, short=join_sentences(found.short, noisy), more=more)
 
     def _state_worst(self) -> tuple[str, str, str]:
         """Return the worst joint in words, whether its error is noise, and the grade of all."""

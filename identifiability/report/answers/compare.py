@@ -77,11 +77,7 @@ class ComparisonPresenter(AnsweringPresenter):
         text = join_sentences(*map(_state_evidence, result.changes), use)
         changed = Answer(question, result.answer, text, tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
-        about = "comparison.trust"
-        lacks = [name.replace("an unnamed", "a") for name in result.lacks]
-        part = "lacks" if lacks else "logs"
-        allowed = sentence(about, "allowed") if lacks else ""
-        trust = replace(answer(about, part, allowed, "amber", lacks=lacks), more=why)
+        trust = replace(_answer_trust(result), more=why)
         cause = _answer_cause(result)
         return changed, *cause, trust
 
@@ -113,7 +109,7 @@ class ComparisonPresenter(AnsweringPresenter):
         return f"analyze {self.robot} {logs}{held}{ladder} --json analyze.json"
 
     def tables(self) -> tuple[Table, ...]:
-        """Return a row for each number that changed, then what would have been seen at a place."""
+        """Return a row for each number that changed, then the least changes that would show."""
         every = (part for change in self.result.changes for part in change.parts or (change,))
         changed = [row for change in every for row in _change_rows(change)]
         limits = _limit_table(self.result.unchanged)
@@ -272,24 +268,31 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
 
     The first row has the torque, the logs and the rivals of all of them.
     """
+    probability = state_probability(change.odds).removeprefix("probability ")
+    rivals = "; ".join(state_alternatives(change))
+    more = _state_torque(change), probability, change.when, rivals
+    for k, name in enumerate(change.names):
+        if k and abs(change.sizes[k]) <= REACH * change.sd[k]:
+            continue
+        yield Cell(name, note="" if k else _title(change)), *_state_number(change, k), *more
+        more = "", probability, "", ""
+
+
+def _state_torque(change: Change) -> str:
+    """Return the torque of a change, at the joint that feels it most."""
     felt = change.felt
     torque = signed(felt.rms, felt.sd, felt.unit)
-    if felt.joint not in ("", change.place):
-        torque = f"{torque} at {felt.joint}"
-    rivals = "; ".join(state_alternatives(change))
-    probability = state_probability(change.odds).removeprefix("probability ")
-    more = torque, probability, change.when, rivals
-    numbers = zip(change.names, change.before, change.sizes, change.sd, change.units, strict=True)
-    for k, (name, level, size, sd, unit) in enumerate(numbers):
-        if k and abs(size) <= REACH * sd:
-            continue
-        times, shown = (100, "%") if unit == "1" else (1, unit)
-        ends = [""] * 2
-        if np.isfinite(level):
-            ends = [f"{stated_text(times * x, times * sd)} {shown}" for x in (level, level + size)]
-        by = signed(times * size, times * sd, shown)
-        yield Cell(name, note="" if k else _title(change)), *ends, by, *more
-        more = "", probability, "", ""
+    return torque if felt.joint in ("", change.place) else f"{torque} at {felt.joint}"
+
+
+def _state_number(change: Change, k: int) -> tuple[str, str, str]:
+    """Return a number of a change before and after it, where they are known, and its change."""
+    times, unit = (100, "%") if change.units[k] == "1" else (1, change.units[k])
+    level, size, sd = times * np.array([change.before[k], change.sizes[k], change.sd[k]])
+    by = signed(size, sd, unit)
+    if not np.isfinite(level):
+        return "", "", by
+    return f"{stated_text(level, sd)} {unit}", f"{stated_text(level + size, sd)} {unit}", by
 
 
 def _limit_table(unchanged: Sequence[Unchanged]) -> Table:
@@ -322,6 +325,15 @@ def _state_evidence(change: Change) -> str:
     holes = {"what": change.what, "torque": torque, "joint": felt.joint}
     sure = state_probability(change.odds)
     return sentence("comparison.seen", "evidence", probability=sure, **holes)
+
+
+def _answer_trust(result: Comparison) -> Answer:
+    """Return whether the changes may be trusted, with the effects that the model lacks."""
+    about = "comparison.trust"
+    if not result.lacks:
+        return answer(about, "logs", "", "amber")
+    lacks = [name.replace("an unnamed", "a") for name in result.lacks]
+    return answer(about, "lacks", sentence(about, "allowed"), "amber", lacks=lacks)
 
 
 def _answer_cause(result: Comparison) -> tuple[Answer, ...]:

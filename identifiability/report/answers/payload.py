@@ -161,16 +161,10 @@ def _answer_known(result: Load) -> Answer:
     """Return the centre of the load, and its quantities that are not identifiable."""
     about = "payload.known"
     centre = result.quantities[1:4]
-    unknown = [q.name for q in result.quantities if not q.told]
     count = len(result.quantities)
+    unknown = [q for q in result.quantities if not q.told]
     tone = "blue" if all(q.told for q in centre) else "amber"
-    whys = dict.fromkeys(q.why for q in result.quantities if not q.told)
-    reasons = "; ".join(
-        sentence(
-            about, "reason", why=why, names=[q.name for q in result.quantities if q.why == why]
-        )
-        for why in whys
-    )
+    reasons = _state_reasons(result)
     found = count - len(unknown)
     text = sentence(about, "lost", count=count, found=found, reasons=reasons) if unknown else ""
     told = [q for q in centre if q.told]
@@ -178,6 +172,15 @@ def _answer_known(result: Load) -> Answer:
     at = ", ".join(measured(1e3 * q.value, 1e3 * q.sigma) for q in told)
     names = [q.name for q in told]
     return answer(about, part, text, tone, at=at, names=names, body=result.body)
+
+
+def _state_reasons(result: Load) -> str:
+    """Return why quantities are not identifiable, each reason with its quantities."""
+    names: dict[str, list[str]] = {}
+    for q in result.quantities:
+        names.setdefault(q.why, []).append(q.name)
+    each = (sentence("payload.known", "reason", why=w, names=n) for w, n in names.items() if w)
+    return "; ".join(each)
 
 
 def _answer_trust(result: Load) -> Answer:

@@ -41,7 +41,7 @@ class LadderPresenter(LadderedPresenter):
         return (path, *error_tables(result))
 
     def asked(self) -> tuple[Answer, ...]:
-        """Return the model to use, its error beside that of the full model, and the reliability."""
+        """Return the model to use, its error with that of the full model, and the reliability."""
         result = self.result
         use, error, *others = super().asked()
         size = len(result.full)
@@ -63,7 +63,7 @@ class LadderPresenter(LadderedPresenter):
         wrong = chosen.infeasible
         used = len(chosen)
         part = "some" if used < size else "all"
-        why = state_choice(result) if used < size else ""
+        why = _state_choice(result) if used < size else ""
         found = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
         text = join_sentences(why, _state_dropped(result), found, signs, state_nearest(chosen))
@@ -77,7 +77,7 @@ class LadderPresenter(LadderedPresenter):
         yield note("stable" if weight > 0.5 else "unstable", weight=weight)
 
 
-def state_choice(result: Ladder) -> str:
+def _state_choice(result: Ladder) -> str:
     """Return the rule by which the model to use was chosen, with its numbers."""
     chosen = result.chosen
     best = result.models[result.least]
