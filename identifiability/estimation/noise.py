@@ -294,7 +294,11 @@ class RestrictedLikelihood:
         return of
 
     def maximise(self, values: Array) -> Array:
-        """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
+        """Return the transformed partial autocorrelations (p,) of the order with the least BIC.
+
+        A higher order may have two optima. From the last order alone rounding chooses one of them,
+        so each order also starts nearer to white noise, and the better optimum counts.
+        """
         profile = self.profile(values)
         best = theta = np.empty(0)
         least = profile(best)[0]
@@ -302,12 +306,17 @@ class RestrictedLikelihood:
         for order in range(1, HIGHEST_ORDER + 1):
             start = np.append(theta, 0.3 if order == 1 else 0.0)
             limits = [(-BOUND, BOUND)] * order
+            starts = [start] if order == 1 else [start, 0.5 * start]
             try:
-                found = scipy.optimize.minimize(
-                    lambda x: profile(x)[:2], start, jac=True, bounds=limits, options=how
-                )
+                each = [
+                    scipy.optimize.minimize(
+                        lambda x: profile(x)[:2], x, jac=True, bounds=limits, options=how
+                    )
+                    for x in starts
+                ]
             except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
                 break
+            found = min(each, key=lambda x: x.fun)
             theta = found.x
             value = float(found.fun) + order * np.log(self.rows)
             if value < least - ROUNDOFF:
