@@ -120,6 +120,26 @@ def measure_errors(information: Information, fit: Estimate, wider: float) -> tup
     return covariance, _never_shown(information, fit)
 
 
+def measure_offsets(information: Information, fit: Estimate) -> Array:
+    """Return the changes (k, n) of the values of a fit by a torque offset of 1 N·m or N per joint.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+    """
+    kept = list(fit.kept)
+    R = information.factor(fit.weights)[:, kept]
+    unit = or_one(np.linalg.norm(R, axis=0))
+    # The sum of a column is its product with the column of an offset.
+    products = fit.weights[:, None] * information.sums[:, kept] / unit
+    inverse = np.linalg.pinv(R / unit)
+    changes = np.zeros((information.size, information.actuators))
+    changes[kept] = inverse @ inverse.T @ products.T / unit[:, None]
+    return changes
+
+
 def widening(information: Information, known: Fit) -> float:
     """Return the ratio of the variances by resampling and scores to those by formula.
 

@@ -410,9 +410,14 @@ class Information:
     @property
     def variation(self) -> Array:
         """Each actuator's sum of squares of its torque about its mean, (n,): its own scale."""
-        parts = self.of_actuators(np.eye(self.size + 1)[:, [-1]])
-        total = np.array([part.sums.sum(0) @ own[:, 0] for part, own in parts])
+        total = self.sums[:, -1]
         return np.maximum(self.torque - total**2 / self.rows_each, 0.0)
+
+    @property
+    def sums(self) -> Array:
+        """Each actuator's sums of the rows ``[W τ]``, (n, k + 1)."""
+        parts = self.of_actuators(np.eye(self.size + 1))
+        return np.array([part.sums.sum(0) @ own for part, own in parts])
 
     def of_actuators(self, change: Array) -> Iterator[tuple[ActuatorBlocks, Array]]:
         """Yield the blocks of each actuator with ``[W τ] change`` in their coordinates, (r, q).

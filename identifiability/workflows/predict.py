@@ -368,6 +368,8 @@ class Fit(Keyed, Predicts):
     base_covariance, base_unknown : (b, b), (b, d)
         Uncertainty of the base parameters under the unpruned model: a reduced model takes omitted
         parameters as known. The latter are directions that the motion never showed.
+    offsets : (b, n) [1/(N·m) or 1/N]
+        Change of the base parameters by a torque offset at each joint that the model lacks.
     origin : str
         Name of the file that it was read from (reports tell no paths of a machine).
     missing : tuple of str
@@ -394,6 +396,7 @@ class Fit(Keyed, Predicts):
     preparation: Preparation
     base_covariance: Array
     base_unknown: Array
+    offsets: Array
     origin: str = "the result"
     missing: tuple[str, ...] = ()
     sides: tuple[Strings, Strings] = ((), ())
@@ -474,6 +477,7 @@ class Fit(Keyed, Predicts):
             **asdict(self.spread),
             "base_covariance": self.base_covariance,
             "base_unknown": self.base_unknown,
+            "offsets": self.offsets,
             "alternatives": self.alternatives,
             "servo": dict(self.servo),
             "preparation": preparation,
@@ -659,6 +663,7 @@ class FitEntry(Entry):
     dof: list[float]
     base_covariance: list[list[float]]
     base_unknown: list[list[float]]
+    offsets: list[list[float]]
     alternatives: list[list[float]] | float = 0.0
     servo: dict[str, tuple[float, float]] = {}
     reading: ReadingEntry | None = None
@@ -851,6 +856,7 @@ def _rebuild_fit(entry: FitEntry, structure: Structure, submodel: Submodel) -> F
         preparation=entry.preparation,
         base_covariance=base_covariance,
         base_unknown=_tall(entry.base_unknown, b),
+        offsets=np.reshape(entry.offsets, (b, n)),
         alternatives=np.array(entry.alternatives),
         servo=entry.servo,
     )

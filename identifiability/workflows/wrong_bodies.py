@@ -76,11 +76,14 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
 
 
 def _find_determined(fit: Fit) -> Array:
-    """Return n combinations (n, b) of base parameters that the logs determine, of bodies alone."""
+    """Return n combinations (n, b) of base parameters that the logs determine, of bodies alone.
+
+    A torque offset that the model lacks changes none of them.
+    """
     structure = fit.structure
     unit = or_one(np.sqrt(np.diag(fit.of_labels[1])))
     of_joints = np.delete(structure.G, structure.inertial.ravel(), axis=1)
-    unknown = np.column_stack([of_joints, fit.base_unknown]) / unit[:, None]
+    unknown = np.column_stack([of_joints, fit.base_unknown, fit.offsets]) / unit[:, None]
     directions = unknown / or_one(np.linalg.norm(unknown, axis=0))
     return null_space(directions.T).T / unit
 

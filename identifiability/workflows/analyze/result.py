@@ -21,6 +21,7 @@ from identifiability.estimation.groups import MissingEffects
 from identifiability.estimation.prediction import (
     Prediction,
     measure_errors,
+    measure_offsets,
     measure_spread,
     widening,
 )
@@ -374,6 +375,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             preparation=predict.with_cutoff(self.settings["preparation"], self.samples),
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
+            offsets=M @ measure_offsets(unpruned, whole.estimate),
             missing=self.missing.functions,
             alternatives=np.stack([to_base @ shift, doubt]),
             servo=self._servo_errors(),

@@ -15,7 +15,12 @@ from identifiability.bending import Bending
 from identifiability.effects import find_family, title_of
 from identifiability.estimation.estimate import with_known
 from identifiability.estimation.fit import Fit as Known
-from identifiability.estimation.prediction import Prediction, measure_spread, predict
+from identifiability.estimation.prediction import (
+    Prediction,
+    measure_offsets,
+    measure_spread,
+    predict,
+)
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
@@ -638,6 +643,7 @@ def keep_completed(d: Diagnosis) -> Fit:
         preparation=preparation,
         base_covariance=whole.covariance,
         base_unknown=whole.unknown,
+        offsets=measure_offsets(information, known.estimate),
         reading=d.reading,
     )
 

@@ -29,7 +29,7 @@ from identifiability.regression.structure import Structure, sense_joints
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import invert, loop_jacobian, passes_singular
 from identifiability.robot.rules import RULES as ROBOT_RULES
-from identifiability.robot.sidecar import LimitEntry
+from identifiability.robot.sidecar import LimitEntry, by_name
 from identifiability.simulation.motion import usual_limits
 from identifiability.simulation.mujoco_robot import MujocoRobot, compile_shapes
 
@@ -39,7 +39,7 @@ from .criteria import Question
 #
 # A limits file is TOML; every key is optional and replaces the value of the robot::
 #
-# slider1 = {q = [0.62, 0.78], v = 0.16, a = 0.5} # actuated joint [rad or m, per s, per s²]
+# "slider*" = {q = [0.62, 0.78], v = 0.16, a = 0.5} # actuated joints [rad or m, per s, per s²]
 # slider2 = {tau = 400, power = 150} # of its drive [N·m or N; W]
 
 
@@ -118,7 +118,7 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     for kind, values in found.items():
         likely = usual[kind][motors] if kind in usual else values
         for k, name in enumerate(known):
-            stated = getattr(entry.root.get(name), kind, None)
+            stated = getattr(entry.get(name), kind, None)
             values[k], guessed = _choose_limit(stated, values[k], likely[k])
             assumed += [f"{name}.{kind}"] * guessed
     low, high = found["q"].T
@@ -168,8 +168,8 @@ def _choose_limit(stated: Any, filed: Array, likely: Array) -> tuple[Any, bool]:
     return chosen, bool((unknown & np.isfinite(likely)).any())
 
 
-def _read(given: LimitsLike | None, known: Sequence[str]) -> LimitsFile:
-    """Return limits of joints, all of which are known."""
+def _read(given: LimitsLike | None, known: Sequence[str]) -> dict[str, LimitEntry]:
+    """Return limits by joint; a name may be a pattern, as in the sidecar."""
     source = "The limits"
     if isinstance(given, (str, Path)):
         source = str(given)
@@ -180,12 +180,12 @@ def _read(given: LimitsLike | None, known: Sequence[str]) -> LimitsFile:
         except ValidationError as problem:
             raise RobotError(f"{source}: {first_problem(problem, LimitsFile)}") from None
     for name in entry.root:
-        if name not in known:
+        if not find_named(name, known):
             raise RobotError(
                 f"{source}: '{name}' is no actuated joint of the robot{near_match(name, known)} "
                 f"Known are {listing(known)}."
             )
-    return entry
+    return by_name(Path(source), "limits", entry.root, known)
 
 
 # Distance of unconnected bodies of a robot along a motion.

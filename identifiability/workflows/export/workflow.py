@@ -452,7 +452,8 @@ def _prepare_writing(
     head = [state_servos(robot, content)]
     lines = describe_joints(robot, content.parameters, given)
     if lines:
-        head += [phrase("exported", "joints"), *lines]
+        rotors = [phrase("exported", "rotors")] if content.rollout else []
+        head += [phrase("exported", "joints"), *rotors, *lines]
     comment = "\n       ".join(filter(None, head))
     how: Any = {"shapes": shapes, "reference": reference, "comment": comment}
     return partial(write_parameters, moved, given, keep=False, **how)
