@@ -136,13 +136,18 @@ def last_bodies(robot: Description) -> Strings:
 
 
 def tool_bodies(robot: Description) -> Strings:
-    """Return the bodies on which a load is looked for: the last ones, on which most loops end."""
+    """Return the last bodies that may carry a load.
+
+    A last body without a loop is an open end, such as a flange; the rods of loops are none. Without
+    an open end the load hangs where most loops end, as on a platform.
+    """
     owner = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
     points = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
     ends = Counter(owner[joint] for joint in points if joint != WORLD)
     last = last_bodies(robot)
     most = max((ends[body] for body in last), default=0)
-    return tuple(body for body in last if ends[body] == most)
+    count = 0 if any(ends[body] == 0 for body in last) else most
+    return tuple(body for body in last if ends[body] == count)
 
 
 def body_of(robot: Description, body: str | None) -> str:
