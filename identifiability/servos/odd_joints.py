@@ -14,6 +14,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.commands import are_positions_alone
 from identifiability.robot import Robot
 
+from .arrivals import CLEAR
 from .descent import BEGUN, ENOUGH, PROMISED, SearchEnd, conclude, descend
 from .positions import recording_error
 from .problem import PLAY, RolloutProblem
@@ -63,7 +64,8 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
     Only that part of a number's effect counts that no fitted number explains. The three likeliest
     numbers of each tree are fitted, one at a time; integral gains of all its joints are one. They
     are reported if they explain more than half of the squared errors. The best one is used unless
-    it is play, which no robot file can hold.
+    it is play, which no robot file can hold. Where errors are as small as those of recording, only
+    a gain is fitted.
 
     Parameters
     ----------
@@ -72,15 +74,15 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
         Its problem then also varies the numbers that are used.
     """
     problem, end = found.search
-    # An explanation leaves less than half of the squared errors, and at least those of recording.
+    # Where errors are those of recording, no more than a wrong gain can show.
     recording = np.max([recording_error(log) for log in problem.logs], axis=0)
-    trees = np.unique(problem.trees[found.errors**2 > 2.0 * recording**2])
-    if not len(trees):
-        return [], found, False
-    screening = _screen(problem, end, found)
+    errs = found.errors**2 > 2.0 * recording**2
+    erring = np.unique(problem.trees[errs])
+    screening = _screen(problem, end, found, gains_alone=not len(erring))
     explained = list[list[Explanation]]()
-    for tree in trees:
-        best = _explain_tree(problem, end, tree, screening, found.errors)
+    for tree in np.unique(problem.trees):
+        explain = _explain_tree if tree in erring else _explain_little
+        best = explain(problem, end, tree, screening, found.errors)
         if not best:
             continue
         explained.append(best)
@@ -97,10 +99,14 @@ def _kind(problem: RolloutProblem, numbers: np.ndarray) -> str:
     return KINDS[numbers[0] // len(problem.trees)]
 
 
-def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str, float | Array]]:
+def _list_trials(
+    problem: RolloutProblem, found: Rollouts, gains_alone: bool
+) -> Iterator[tuple[str, float | Array]]:
     """Yield kinds of numbers that are tried, with a first size, of all joints or of each (n,)."""
-    yield "play", PLAY
     yield "kp", -0.2  # the logarithm of its factor
+    if gains_alone:
+        return
+    yield "play", PLAY
     if all(map(are_positions_alone, problem.logs)):
         yield "ki", problem.scale[problem.at("ki")]
     servo = problem.machine.servo.having(found.numbers)
@@ -110,7 +116,9 @@ def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str
         yield "limit", limit
 
 
-def _screen(problem: RolloutProblem, end: SearchEnd, found: Rollouts) -> Screening:
+def _screen(
+    problem: RolloutProblem, end: SearchEnd, found: Rollouts, gains_alone: bool
+) -> Screening:
     """Return how much each number that is not varied would explain, to first order."""
     x, q, J, _ = end
     weights = problem.weights(q)
@@ -118,7 +126,7 @@ def _screen(problem: RolloutProblem, end: SearchEnd, found: Rollouts) -> Screeni
     residual = _without(basis, weights * problem.residual(q, x))
     gain = 0.0 * x
     start = x.copy()
-    for kind, size in _list_trials(problem, found):
+    for kind, size in _list_trials(problem, found, gains_alone):
         at = problem.at(kind)
         by = problem.by.copy()
         by[at] = size
@@ -176,6 +184,31 @@ def _explain_tree(
     # Less than half is left, and about as little as the best explanation leaves.
     kept = [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
     return [_finish_search(problem, explanation) for explanation in kept]
+
+
+def _explain_little(
+    problem: RolloutProblem, end: SearchEnd, tree: int, screening: Screening, errors: Array
+) -> list[Explanation]:
+    """Return the gain that explains errors (n,) of a tree that are as small as those of recording.
+
+    It is surely wrong, and the gain of no other joint explains half as much.
+    """
+    joints = problem.trees == tree
+    at = problem.at("kp")
+    gain = screening.gain[at] * joints
+    likeliest = int(np.argmax(gain))
+    others = np.delete(gain, likeliest)
+    if gain[likeliest] <= max(CLEAR**2, 2.0 * others.max(initial=0.0)):
+        return []
+    fitted = _fit_numbers(problem, end.x, at[[likeliest]], ENOUGH)
+    weights = problem.weights(end.q)
+    before = weights * problem.residual(end.q, end.x)
+    after = weights * problem.residual(fitted.q, fitted.x)
+    if before @ before - after @ after <= CLEAR**2:
+        return []
+    squares = np.sum(problem.errors(fitted.q)[joints] ** 2)
+    share = float(squares / np.sum(errors[joints] ** 2))
+    return [Explanation(share, at[[likeliest]], fitted)]
 
 
 def _finish_search(problem: RolloutProblem, found: Explanation) -> Explanation:

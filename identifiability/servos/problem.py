@@ -78,8 +78,8 @@ class RolloutProblem:
         #: Which tree each number belongs to.
         of_bodies = machine.trees_of([*self.shares])
         self.tree_of = np.concatenate([np.tile(self.trees, len(free)), of_bodies])
-        #: Numbers that are divided by the gain of their joint, (kinds, n).
-        self.over = free & free[-1]
+        #: Numbers that are divided by the factor of their joint's gain, (kinds, n).
+        self.over = free.copy()
         self.over[-1] = False
         varied_sizes = np.ones(len(self.shares), bool)
         count = 1 + max(window.log for window in windows)
