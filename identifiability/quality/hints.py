@@ -5,7 +5,7 @@ They also find impossible values in the robot file, and joints without informati
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
 from identifiability.logs.names import UNITS
 from identifiability.logs.prepare.dataset import Dataset, stands_still
+from identifiability.logs.rows import divide_rows, gather
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import TURN
 from identifiability.physical.feasibility import find_impossible_bodies
@@ -355,15 +356,31 @@ def leave_out_rows(
     out = []
     for k, (s, of) in enumerate(zip(samples, outputs or samples, strict=False)):
         at = of.output_times()
-        t = s.motion.t[:, None]
         own = found.log == k
         beside = at[1] - at[0]
         first = at[found.first[own]] - beside
         last = at[found.last[own] - 1] + beside
-        lies_out = ((t >= first) & (t <= last)).any(1)
-        weight = np.where(lies_out[:, None], 0.0, s.weight > 0)
-        out.append(replace(s, weight=weight))
+        out.append(replace(s, **gather(_weights_outside(s, first, last))))
     return tuple(out)
+
+
+def _weights_outside(samples: Dataset, first: Array, last: Array) -> Iterator[dict[str, Array]]:
+    """Yield weights of samples, piece by piece: zero in segments, and where they were zero.
+
+    Parameters
+    ----------
+    samples : Dataset
+    first, last : (k,) [s]
+        Times of the first and the last sample of each segment.
+    """
+    for a, b in divide_rows(len(samples.tau)):
+        t = samples.motion.t[a:b]
+        weight = (samples.weight[a:b] > 0).astype(float)
+        starts = np.searchsorted(t, first)
+        stops = np.searchsorted(t, last, side="right")
+        for start, stop in zip(starts, stops, strict=True):
+            weight[start:stop] = 0.0
+        yield {"weight": weight}
 
 
 def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:

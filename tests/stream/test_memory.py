@@ -1,13 +1,16 @@
 """Memory does not grow with the length of a log."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from identifiability import Log, Model, Regression, Robot, gather_information, prepare_log
+from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Serial
+from identifiability.quality.hints import leave_out_rows
 
 
 def peak(robot, path):
@@ -18,6 +21,8 @@ def peak(robot, path):
     regression = Regression(robot, model, (samples,), np.array([3, 6, 10, 11]))
     gather_information(regression, blocks=16)
     predict(regression, np.zeros((4, 2)))
+    segments = Outliers(*3 * [np.zeros(40, int)], *3 * [np.ones((40, 2))])
+    leave_out_rows((samples,), replace(segments, last=segments.last + 5))
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return most
