@@ -29,11 +29,12 @@ from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import MissingEffects, Share, describe_term, find_missing
-from identifiability.estimation.mixed_model import Term
+from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.motion import MotionChoice, choose_motion, read_records
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.options import OptionError
+from identifiability.foundation.quoting import for_toml
 from identifiability.foundation.runs import First, Progress, Run, share
 from identifiability.foundation.stages import Stages
 from identifiability.foundation.values import frozen
@@ -651,10 +652,10 @@ class Case:
         if units:  # the same data are the key of later stages
             data = replace(data, hints=(*data.hints, *units))
         sure = [s for s in sure if not is_another_unit(s)]
-        terms = [s.term for s in sure if s.term.group.family in COMPLETED]
-        if not terms:
+        shares = tuple(s for s in sure if s.term.group.family in COMPLETED)
+        if not shares:
             return data
-        return self.at_fit(self.stages.once(complete_model, data, tuple(terms)), run)
+        return self.at_fit(self.stages.once(complete_model, data, shares), run)
 
 
 #: The value of held-out logs that asks to fit all logs.
@@ -980,14 +981,26 @@ def ask_for_unit(share: Share) -> Finding:
     return Finding("question", text=phrase("question", "unit", joint=share.term.group.place))
 
 
-def complete_model(data: Data, terms: Sequence[Term]) -> Data:
+def state_gains(share: Share, joints: Sequence[str]) -> dict[str, float]:
+    """Return the gain by which the sidecar corrects each joint of a wrong scale of the torque."""
+    place = share.term.group.place
+    places = joints if place == EVERYWHERE else [place]
+    gains = [float(f"{1.0 / (1.0 + scale):.4g}") for scale in share.value.tolist()]
+    return dict(zip(places, gains, strict=True))
+
+
+def complete_model(data: Data, shares: Sequence[Share]) -> Data:
     """Return data whose model also has some effects that were found missing."""
-    given = data.structure.model
+    given, terms = data.structure.model, [s.term for s in shares]
     texts = (f"{t.group.family}@{t.group.place}" for t in terms)
     model = replace(Model.of(*given.texts, *texts), random=given.random)
-    said = phrase("alternative", "has", what=[describe_term(t) for t in terms])
-    if any(t.group.family in SENSOR_ERRORS for t in terms):
-        said = f"{said} {phrase('alternative', 'column')}"
+    gains = dict[str, float]()
+    for share in shares:
+        if share.term.group.family == TorqueScale.name:
+            gains |= state_gains(share, data.robot.motor_joints)
+    what = [describe_term(t) for t in terms]
+    part = "scaled" if gains else "has"
+    said = phrase("alternative", part, what=what, gains=for_toml(gains))
     hints = (*data.hints, Finding("alternative", text=said))
     structure = Structure.of(data.robot, model)
     regression = structure.regression(data.samples)

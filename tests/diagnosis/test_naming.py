@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from identifiability import Noise, Robot, analyze, diagnose
 from identifiability.effects import find_family
 from identifiability.effects.effect import measure_spans
+from identifiability.estimation.mixed_model import MixedModel, Term
 from identifiability.simulation import Campaign, random_trajectory, shipped_trajectory
 
 
@@ -64,6 +65,19 @@ def test_effects_of_two_joints_are_no_function_of_all_joints_and_the_larger_is_f
         effects=("torque_offset", "gravity_spring", "position_torque"),
     )
     assert named(d) == [("torque_offset", ("shoulder",)), ("gravity_spring", ("elbow",))]
+
+
+def test_a_name_that_is_far_less_probable_than_another_is_replaced(logs_of, named, monkeypatch):
+    def stop_early(model):
+        of_elbow = [g for g in model.groups if g.key == ("torque_offset", "elbow")]
+        return model.update_terms(tuple(Term(g, 0, 1.0, 0.0) for g in of_elbow))
+
+    monkeypatch.setattr(MixedModel, "search", stop_early)
+    logs = logs_of("two-link", "gravity_spring@elbow=0.1")
+    few = ("torque_offset", "gravity_spring")
+    d = diagnose("two-link", logs[:4], logs[4:], effects=few, forward=False)
+    assert named(d) == [("gravity_spring", ("elbow",))]
+    assert d.effects[0].weight > 0.99
 
 
 def among(*effects):

@@ -26,7 +26,14 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Evidence
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
+from identifiability.estimation.mixed_model import (
+    EVERYWHERE,
+    Group,
+    MixedModel,
+    Term,
+    Terms,
+    without,
+)
 from identifiability.estimation.noise import split_runs
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES
@@ -353,29 +360,93 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     return with_parts(found, ())
 
 
+@frozen
+class Judged:
+    """Terms that unseen rows and left-out blocks confirm.
+
+    Attributes
+    ----------
+    naming : Naming
+        With the refuted and the possible terms.
+    terms : tuple of Term
+    unseen : dict of (str, str) to float [nat]
+        Gains on unseen rows, by the keys of terms.
+    places : Places
+    """
+
+    naming: Naming
+    terms: Terms
+    unseen: dict[tuple[str, str], float]
+    places: Places
+
+    @property
+    def keys(self) -> set[tuple[str, str]]:
+        """Family and place of each term."""
+        return {t.key for t in self.terms}
+
+
 def name_missing(looked: Naming) -> Naming:
     """Return the missing effects, found on fitted rows and not refuted by unseen rows.
 
-    Left-out blocks of the fitted rows decide in which joints each confirmed effect acts.
+    Left-out blocks of the fitted rows decide in which joints each confirmed effect acts. Once other
+    terms are removed, a name may be far less probable than an alternative. The alternative replaces
+    it, unless the same rows refute that one.
     """
-    looked, kept = _search(looked)
-    gains = dict[tuple[str, str], float]()
-    if looked.problem.validation and kept:
-        found = kept
-        kept, gains = _confirm(looked, found)
-        standing = {t.key for t in kept}
-        refuted = tuple((t, gains[t.key]) for t in found if t.key not in standing)
-        looked = replace(looked, refuted=refuted)
-    places, possible = _ask_left_out(looked, kept) if kept else ({}, ())
-    kept = looked.whole.update_terms(tuple(t for t in kept if places[t.key]))
-    looked = replace(looked, possible=possible)
+    looked, found = _search(looked)
+    judged, gone = _judge(looked, found), set[tuple[str, str]]()
+    for _ in found:
+        better = _exchange_improbable(judged, gone)
+        if not better:
+            break
+        new = {t.key for t in better} - judged.keys
+        other = _judge(judged.naming, better)
+        if new <= other.keys:
+            judged = other
+        gone |= new
+    looked, kept = judged.naming, judged.terms
     parts = list[Part]()
-    for k, term in enumerate(kept):
-        unseen = gains.get(term.key, np.nan)
-        parts += _write_term(looked, kept, k, places[term.key], unseen)
+    for k in range(len(kept)):
+        parts += _write_term(judged, k, gone)
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
     return with_parts(replace(looked, after=_further_gains(looked, kept)), parts)
+
+
+def _judge(looked: Naming, found: Terms) -> Judged:
+    """Return the terms that unseen rows and left-out blocks confirm."""
+    kept, gains = found, dict[tuple[str, str], float]()
+    if looked.problem.validation and kept:
+        kept, gains = _confirm(looked, found)
+    places, possible = _ask_left_out(looked, kept) if kept else ({}, ())
+    standing = {t.key for t in kept}
+    news = ((t, gains[t.key]) for t in found if t.key not in standing)
+    refuted = tuple(x for x in (*looked.refuted, *news) if x[0].key not in standing)
+    kept = looked.whole.update_terms(tuple(t for t in kept if places[t.key]))
+    return Judged(replace(looked, refuted=refuted, possible=possible), kept, gains, places)
+
+
+def _exchange_improbable(judged: Judged, gone: Collection[tuple[str, str]]) -> Terms:
+    """Return terms with the likeliest alternative of an improbable one; none if there is none."""
+    terms = judged.terms
+    for k in range(len(terms)):
+        odds, others = _list_alternatives(judged, k, gone)
+        if others and others[0].odds > odds + RULES.rival:
+            exchanged = (*terms[:k], others[0], *terms[k + 1 :])
+            return judged.naming.whole.update_terms(exchanged)
+    return ()
+
+
+def _list_alternatives(
+    judged: Judged, k: int, gone: Collection[tuple[str, str]]
+) -> tuple[float, Terms]:
+    """Return the log odds of a term, and other names for it, the likeliest first.
+
+    Names that were tried in place of a term are gone.
+    """
+    looked, term, rest = judged.naming, judged.terms[k], without(judged.terms, k)
+    odds = max(term.odds, _odds_of_parts(looked, rest, term.group))
+    others = (t for t in looked.whole.gains(rest) if t.key not in gone)
+    return odds, tuple(t for t in others if _may_rival(t.group, term.group))
 
 
 def _further_gains(looked: Naming, terms: Terms) -> Terms:
@@ -576,32 +647,27 @@ def _confirm(looked: Naming, found: Terms) -> tuple[Terms, dict[tuple[str, str],
     return kept, gains
 
 
-def _write_term(
-    looked: Naming, kept: Terms, k: int, places: dict[str, float], unseen: float
-) -> Iterator[Part]:
+def _write_term(judged: Judged, k: int, gone: Collection[tuple[str, str]]) -> Iterator[Part]:
     """Yield the parts of one of the terms that are missing.
 
     Parameters
     ----------
-    looked : Naming
-    kept : tuple of Term
+    judged : Judged
     k : int
-    places : dict of str to float [nat]
-        Where the term surely is, with its gain on left-out blocks.
-    unseen : float [nat]
-        Gain of the term on unseen rows.
+    gone : collection of (str, str)
+        Names that were tried in place of a term.
     """
-    term, rest, missing = kept[k], kept[:k] + kept[k + 1 :], looked.asked
-    others = [t for t in looked.whole.gains(rest) if _may_rival(t.group, term.group)]
-    named = [t for t in others if not _family(missing, t).unnamed]
-    unnamed = _family(missing, term).unnamed
-    odds = max(term.odds, _odds_of_parts(looked, rest, term.group))
+    looked, term = judged.naming, judged.terms[k]
+    places = judged.places[term.key]
+    odds, others = _list_alternatives(judged, k, gone)
+    unnamed = term.group.unnamed
+    named = [t for t in others if not t.group.unnamed]
     rivals = [t for t in (others if unnamed else named) if t.odds > odds - RULES.rival]
     nearest = [t for t in named if unnamed and t.group.place == term.group.place]
     weight = float(softmax([odds, *(t.odds for t in others)])[0])
-    for c in _candidates(missing, looked.whole, kept, k):
+    for c in _candidates(looked.asked, looked.whole, judged.terms, k):
         if c.place in places:
-            gains = places[c.place], unseen
+            gains = places[c.place], judged.unseen.get(term.key, np.nan)
             yield Part(c, term, *gains, tuple(rivals), weight, tuple(nearest[:3]))
 
 
