@@ -517,8 +517,16 @@ def _convert_motors(
 def _tell_angles(joints: Sequence[str], known: Conventions) -> list[str]:
     own = [f"{j}: {s:.6g}, {o:.6g}" for j, (s, o) in known.scales.items() if j in joints]
     told = f"positions were scaled and shifted as the sidecar says ({listing(own, 4)})"
-    degrees = any(j in known.degrees and j not in known.scales for j in joints)
-    return [*([told] if own else []), *(["angles were read as degrees"] if degrees else [])]
+    notes = [told] if own else []
+    if any(j in known.degrees and j not in known.scales for j in joints):
+        notes.append("angles were read as degrees")
+    unused = [j for j in known.scales if j in known.joints and j not in joints]
+    if unused and {*joints} <= {*known.motors}:
+        notes.append(
+            f"[columns] of {listing(unused, 4)} was not used, as the log has motors: state zero and "
+            "scale of the motors there, or joint positions at their zero as [transmission] offset"
+        )
+    return notes
 
 
 def _tell(

@@ -1,4 +1,4 @@
-"""The values that users come for: mass, friction and rotor of each joint, with verdicts."""
+"""The values that users come for: mass, friction and rotor of joints and motors, with verdicts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ JOINT_KINDS = ("Fc", "Fv")
 def joint_values(result: Laddered[Any]) -> Table | None:
     """Return a row for each joint: mass of its body, frictions and rotor, with verdicts.
 
-    None if the model has none of these parameters.
+    Motors that mix joints have a row of their friction and rotor. None if the model has none of
+    these parameters.
     """
     robot = result.robot
     rows_of = _ModelRows(result)
@@ -33,15 +34,17 @@ def joint_values(result: Laddered[Any]) -> Table | None:
     names = [k if k in JOINT_KINDS else "rotor" for k in kinds]
     moved = zip(robot.bodies, robot.links, strict=True)
     bodies = {dof: body for body, link in moved for dof in robot.tree.joints[link.last].dofs}
-    weights = [rows_of.show_mass(masses.get(bodies.get(joint, ""))) for joint in robot.joints]
+    motors = [a.name for a in robot.axes if a.name not in robot.joints]
+    places = [*robot.joints, *motors]
+    weights = [rows_of.show_mass(masses.get(bodies.get(place, ""))) for place in places]
     # A column without a value is one sentence.
     weighed = any(cell.text != "–" for cell in weights)
     titles = [sentence("values", name) for name in (*(["m"] if weighed else []), *names)]
     columns = [Column(sentence("values", "joint")), *(Column(t, "badge") for t in titles)]
     rows = []
-    for joint, weight in zip(robot.joints, weights, strict=True):
-        cells = [rows_of.show(f"{joint}.{kind}") for kind in kinds]
-        rows.append((Cell(joint), *([weight] if weighed else []), *cells))
+    for place, weight in zip(places, weights, strict=True):
+        cells = [rows_of.show(f"{place}.{kind}") for kind in kinds]
+        rows.append((Cell(place), *([weight] if weighed else []), *cells))
     caption = "caption" if weighed or not masses else "massless"
     return Table.of(sentence("values", caption), columns, rows)
 

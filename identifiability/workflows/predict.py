@@ -37,7 +37,7 @@ from identifiability.logs.commands import has_commands, of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.logs.prepare.preparation import joint_log
+from identifiability.logs.prepare.preparation import has_motors, joint_log
 from identifiability.logs.tables import write_table
 from identifiability.physical.cad_prior import find_rises
 from identifiability.physical.fitted_model import LeastSquares
@@ -131,6 +131,8 @@ class TorquePrediction(Result):
         Torque that the columns of the logs lack: of gravity, or stated in the sidecar (negative).
     noise : (n,) [N·m or N]
         Of each joint's measured torque in the band of the model; nan where it was computed.
+    motors : tuple of str
+        Motors of the logs, where all have motors and these are as many as the joints.
     """
 
     schema: ClassVar[str] = "identifiability/prediction/1"
@@ -153,6 +155,14 @@ class TorquePrediction(Result):
     hints: tuple[str, ...] = ()
     lacking: Array | float = 0.0
     noise: Array | float = np.nan
+    motors: Strings = ()
+
+    def at_motors(self, torque: Array) -> Array:
+        """Return torque of the motors (N, m) [N·m or N] from that of the joints (N, n)."""
+        gear = self.robot.transmission
+        assert gear is not None  # only its motors can be those of a log
+        ratios = gear.ratio[:, None] * gear.coupling
+        return np.asarray(np.linalg.solve(ratios.T, torque.T).T)
 
     @property
     def robot(self) -> Robot:
@@ -217,7 +227,8 @@ class TorquePrediction(Result):
         predicted torque. ``weight`` is 0 where errors leave the sample out. With `details` there
         is one row a sample, as files have it. Then the columns of each joint are
         ``<joint>.tau`` and so on. They also have raw torque, and the interval of the mean from
-        ``.mean_from`` to ``.mean_to``.
+        ``.mean_from`` to ``.mean_to``. Logs of motors add ``<motor>.tau`` and
+        ``<motor>.predicted``.
         """
         raise NotImplementedError
 
@@ -530,8 +541,18 @@ def _predict_along(
         ),
         lacking=_lacking_torque(fit, case, found, run),
         noise=np.min(levels, axis=0),
+        motors=_common_motors(case.robot, logs),
         **found,
     )
+
+
+def _common_motors(robot: Robot, logs: Sequence[Log]) -> Strings:
+    """Return the motors if all logs have these, and their torque follows from that of joints."""
+    gear = robot.transmission
+    if gear is None or len(gear.motors) != len(robot.joints):
+        return ()
+    have_motors = all(has_motors(robot, log) for log in logs)
+    return gear.motors if have_motors and {*gear.motors}.isdisjoint(robot.joints) else ()
 
 
 def _predict_chunks(

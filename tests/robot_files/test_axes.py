@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from identifiability import Log, Model, Robot
 from identifiability.effects import default_effects
 from identifiability.effects.effect import measure_spans
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.regression.reduction import build_ladder, default_ladder, ladder_model
 from identifiability.regression.structure import Structure, random_motion
@@ -138,7 +139,7 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
     """Three cables over two joints; the positions contradict each other by an error."""
     robot = load_text(arm(), sidecar=(
         '[transmission]\nmotors = ["shoulder", "c2", "c3"]\ncoupling = [[1, 0], [1, 1], [0, 2]]\n'
-        "ratio = [2, -3, 1]\noffset = [0.1, -0.2]\n"
+        "ratio = [2, -3, 1]\noffset = [0.1, -0.2]\n[columns]\nelbow = {offset = 1}\n"
     ))  # fmt: skip
     rng = default_rng(0)
     (q, dq, ddq), tau = rng.normal(size=(3, 50, 2)), rng.normal(size=(50, 3))
@@ -150,6 +151,8 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
     motors = Log("log", names, t, at, tau, dq @ R.T, ddq @ R.T, sha256="")
     joints = joint_log(robot, motors)
     motors.write(tmp_path / "motors.csv")
+    read = Log.read(tmp_path / "motors.csv", Conventions.of(robot))
+    assert "[columns] of elbow was not used, as the log has motors" in str(read.notes)
     assert_allclose(find_motion(robot, str(tmp_path / "motors.csv")).q, q, atol=1e-12)
     assert_allclose(joints.q, q, atol=1e-12)
     assert_allclose(joints.dq, dq, atol=1e-12)

@@ -113,6 +113,11 @@ class TorquePredictionPresenter(PredictingPresenter):
         for k, joint in enumerate(result.robot.joints):
             for what, values in _list_samples(result, k).items():
                 columns[f"{joint}.{what}"] = values
+        if result.motors:
+            pairs = {"tau": result.tau, "predicted": result.predicted}
+            for what, torque in pairs.items():
+                names = [f"{motor}.{what}" for motor in result.motors]
+                columns |= dict(zip(names, result.at_motors(torque).T, strict=True))
         return pd.DataFrame(columns)
 
     def error_frame(self) -> pd.DataFrame:
