@@ -7,6 +7,7 @@ import sys
 import pandas as pd
 
 import identifiability
+from identifiability.cli import common
 
 
 def test_simulate_then_analyze_writes_report_and_json(succeeds, few_draws, tmp_path):
@@ -54,6 +55,16 @@ def test_an_analysis_imports_no_large_module_that_it_does_not_use(command, tmp_p
         "  assert not {*needless} & {*sys.modules}, sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+
+
+def test_a_pipe_gets_the_time_that_all_takes_every_half_minute(monkeypatch, capsys):
+    times = iter([0, 20, 30, 60])
+    monkeypatch.setattr(common, "monotonic", lambda: next(times))
+    with common.progress() as say:
+        for share in (0.2, 0.3, 0.5):
+            say("reading", share)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [f"reading (all: about {left} s more)" for left in (80, 60)]
 
 
 def test_the_version_is_printed(succeeds):

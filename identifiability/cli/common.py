@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
 
-#: Work without a terminal reports its duration if it takes this much longer [s].
+#: Work without a terminal reports its remaining time if it is longer than this [s].
 PATIENCE = 10.0
 
 #: Whether all details are printed.
@@ -79,7 +80,7 @@ def terminal(*, stderr: bool = False) -> Console:
 def progress() -> Iterator[Callable[[str, float], None]]:
     """Show a progress bar on standard error; yield a callback (step, share).
 
-    Without a terminal, one line reports the duration of a long computation.
+    Without a terminal, a line reports the remaining time of a long computation every half minute.
     """
     from rich import progress as bars  # noqa: PLC0415
 
@@ -90,18 +91,18 @@ def progress() -> Iterator[Callable[[str, float], None]]:
         task = bar.add_task("starting", total=1.0)
 
         begun = monotonic()
-        said = not hidden
+        printed = -math.inf
 
         def say(text: str, share: float) -> None:  # never backwards
-            nonlocal said
+            nonlocal printed
             share = max(share, bar.tasks[0].completed)
             past = monotonic() - begun
             left = past * (1 - share) / share if share >= 0.05 else 0.0  # before it is a guess
             is_long = past > 3.0 and left > PATIENCE
-            timed = f"{text}: about {left:.0f} s more" if is_long else text
+            timed = f"{text} (all: about {left:.0f} s more)" if is_long else text
             bar.update(task, description=timed, completed=share)
-            if is_long and not said:
-                said = True
+            if hidden and is_long and past - printed > 3 * PATIENCE:
+                printed = past
                 console.print(timed, highlight=False)
 
         yield say

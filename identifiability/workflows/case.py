@@ -989,19 +989,28 @@ def state_gains(share: Share, joints: Sequence[str]) -> dict[str, float]:
     return dict(zip(places, gains, strict=True))
 
 
+def _describe_misread(shares: Sequence[Share], joints: Sequence[str]) -> Finding:
+    """Return which columns seem to be misread, with the gains that correct a wrong scale."""
+    gains = dict[str, float]()
+    for share in shares:
+        if share.term.group.family == TorqueScale.name:
+            gains |= state_gains(share, joints)
+    what = [describe_term(s.term) for s in shares]
+    part = "scaled" if gains else "has"
+    return Finding("alternative", text=phrase("alternative", part, what=what, gains=for_toml(gains)))
+
+
 def complete_model(data: Data, shares: Sequence[Share]) -> Data:
     """Return data whose model also has some effects that were found missing."""
     given, terms = data.structure.model, [s.term for s in shares]
     texts = (f"{t.group.family}@{t.group.place}" for t in terms)
     model = replace(Model.of(*given.texts, *texts), random=given.random)
-    gains = dict[str, float]()
-    for share in shares:
-        if share.term.group.family == TorqueScale.name:
-            gains |= state_gains(share, data.robot.motor_joints)
-    what = [describe_term(t) for t in terms]
-    part = "scaled" if gains else "has"
-    said = phrase("alternative", part, what=what, gains=for_toml(gains))
-    hints = (*data.hints, Finding("alternative", text=said))
+    physical = [t for t in terms if t.group.family == PassiveJointFriction.name]
+    said = [Finding("completed", what=list(map(describe_term, physical)))] if physical else []
+    misread = [s for s in shares if s.term not in physical]
+    if misread:
+        said.append(_describe_misread(misread, data.robot.motor_joints))
+    hints = (*data.hints, *said)
     structure = Structure.of(data.robot, model)
     regression = structure.regression(data.samples)
     return replace(data, structure=structure, regression=regression, hints=hints)

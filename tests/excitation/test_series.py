@@ -29,7 +29,7 @@ def test_every_candidate_keeps_its_limits_at_every_time(harmonics, level):
 def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):
     robot = Robot.load("3-rps")
     file = tmp_path / "limits.toml"
-    file.write_text('"slider[2]" = {v = 9}\n"*2" = {q = [0.65, 0.75], v = 0.1}\n')
+    file.write_text('"*2" = {q = [0.65, 0.75], v = 0.1}\n')
     limits = find_limits(robot, file)
     assert_allclose(limits.low, [0.6, 0.65, 0.6])
     assert_allclose(limits.speed, [0.16, 0.1, 0.16])

@@ -58,6 +58,7 @@ from .common import (
     note,
     sentence,
     state_contradicted,
+    state_reserved,
     torque_noise,
 )
 from .profiles import answer_profiles, is_width
@@ -169,9 +170,9 @@ class LadderedPresenter(PredictingPresenter):
         each = result.held_out.by_joint()
         return result.chosen.error_ra_validation, each["error"], each["rms"]
 
-    def reserved(self) -> bool:
-        """Return whether the answer on trust is not an unreserved yes."""
-        return answer_doubt(self.result).tone != "green"
+    def reserved(self) -> str:
+        """Return the question of trust, unless its answer is an unreserved yes."""
+        return state_reserved(answer_doubt(self.result))
 
     def noise(self) -> Array | None:
         """Return the noise of each joint's torque; None where torque was computed."""

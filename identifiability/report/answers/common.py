@@ -214,9 +214,9 @@ class PredictingPresenter(AnsweringPresenter):
         unexplained = np.where(is_noise(rms, self.noise()), np.nan, each)
         return (*super().warnings(), *state_uneven(error, self.result.robot.joints, unexplained))
 
-    def reserved(self) -> bool:
-        """Return whether the page says elsewhere that its numbers need care."""
-        return bool(self.result.warnings)
+    def reserved(self) -> str:
+        """Return where the page says that its numbers need care; empty if nowhere."""
+        return sentence("quality", "warned") if self.result.warnings else ""
 
     def answer_error(
         self,
@@ -251,7 +251,9 @@ class PredictingPresenter(AnsweringPresenter):
             tone = "grey"
         uses = sentence("decision.uses", grade)
         if tone != "vermilion" and reserved:
-            uses = sentence("quality", "settled", uses=f"{uses[0].lower()}{uses[1:]}")
+            uses = sentence(
+                "quality", "settled", doubt=reserved, uses=f"{uses[0].lower()}{uses[1:]}"
+            )
         text = join_sentences(text, uses)
         # A filter makes a difference.
         if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
@@ -337,6 +339,12 @@ def errs_unevenly(error: float, own: float) -> bool:
         return False
     poor = TONES[grade_of(error)] == "green" and TONES[grade_of(own)] == "vermilion"
     return poor or own > RULES.uneven * error
+
+
+def state_reserved(found: Answer) -> str:
+    """Return which answer must become yes; empty if it is."""
+    green = found.tone == "green"
+    return "" if green else sentence("quality", "asked", question=found.question)
 
 
 def answer_trust(

@@ -371,17 +371,18 @@ def _state_size(e: NamedEffect) -> str:
     An effect of several numbers a place has no single size. The number of an effect with a shape is
     the limit of its curve, so its largest torque along the logs is stated instead.
     """
-    rows = [row for p in e.placements for row in p.rows]
+    placements = [p for p in e.placements if p.sure]
+    rows = [row for p in placements for row in p.rows]
     masses = [row for row in rows if row[0].endswith(".payload_m")]
     if masses:
         sizes = [measured(value, error, unit) for _, value, error, unit in masses]
         return sentence("diagnosis.missing", "size", size=" and ".join(sizes))
     torques = [row for row in rows if row[3] in TORQUE_UNITS]
-    if len(rows) > len(e.placements) or not torques:
+    if len(rows) > len(placements) or not torques:
         return ""
     _, value, error, unit = max(torques, key=lambda row: abs(row[1]))
-    if any(np.isfinite(p.shape) for p in e.placements):
-        peak = max(p.peak for p in e.placements)
+    if any(np.isfinite(p.shape) for p in placements):
+        peak = max(p.peak for p in placements)
         return sentence("diagnosis.missing", "peak", peak=peak, unit=unit)
     part = "size" if len(rows) == 1 else "largest"
     return sentence("diagnosis.missing", part, size=measured(abs(value), error, unit))
@@ -472,12 +473,14 @@ def advise_motion(e: NamedEffect) -> str:
 def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
     """Yield the parameters of the named effects as rows of a table."""
     units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
+    of_any = " or ".join(dict.fromkeys(d.robot.torque_units))
     for e in d.effects:
         name = " or ".join(list_names(e))
         for p in e.placements:
-            added = unit_cell(p.rms, units.get(p.place, "N·m or N"))
+            added = unit_cell(p.rms, units.get(p.place, of_any))
             for parameter, value, error, unit in p.rows:
-                yield name, parameter, measured(value, error, unit), p.odds, p.unseen, added
+                named = name if p.sure else sentence("diagnosis.missing", "unsure")
+                yield named, parameter, measured(value, error, unit), p.odds, p.unseen, added
 
 
 class ForwardGapPresenter(Presenter):

@@ -29,6 +29,7 @@ from .common import (
     hint_note,
     join_sentences,
     sentence,
+    state_reserved,
 )
 from .tables import add_units, make_table
 
@@ -61,9 +62,9 @@ class TorquePredictionPresenter(PredictingPresenter):
         error, rms = self.result.error_frame()[["error", "rms"]].to_numpy(float).T
         return self.result.error_ra, error, rms
 
-    def reserved(self) -> bool:
-        """Return whether the answer on intervals is not an unreserved yes."""
-        return _answer_intervals(self.result).tone != "green"
+    def reserved(self) -> str:
+        """Return the question of intervals, unless its answer is an unreserved yes."""
+        return state_reserved(_answer_intervals(self.result))
 
     def noise(self) -> Array:
         """Return the noise of each joint's torque; nan where torque was computed."""

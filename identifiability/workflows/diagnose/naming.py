@@ -19,7 +19,7 @@ from scipy.special import logsumexp, softmax
 
 from identifiability.effects import Family, Placed, find_families
 from identifiability.effects import Part as EffectPart
-from identifiability.effects.friction import REVERSALS, RisingFriction
+from identifiability.effects.friction import REVERSALS, PassiveJointFriction, RisingFriction
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate
@@ -552,10 +552,14 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
 
     A family everywhere is one term for each place. Each term also needs its own log odds, which use
     the signs that physics allows. Each round removes the worst term of each place and family.
+
+    Friction of several passive joints keeps all its places: values at some of them would take the
+    friction of the others. Its further places have no gain (nan).
     """
     rows = looked.asked.seen
     blocks = looked.asked.products(rows, _block_edges(rows), among=found)
     owners, terms = _split_places(looked, found)
+    every = list(zip(owners, terms, strict=True))
     possible, gains = list[tuple[Term, float]](), np.empty(0)
     while terms:
         gains, needed = _gains_left_out(looked.whole, terms, blocks)
@@ -570,6 +574,13 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
     places: Places = {t.key: {} for t in found}
     for owner, term, gain in zip(owners, terms, gains.tolist(), strict=False):
         places[owner][term.group.place] = gain
+    together = PassiveJointFriction.name, EVERYWHERE
+    if len(places.get(together, ())) > 1:
+        joined = [t for owner, t in every if owner == together]
+        places[together] = {t.group.place: np.nan for t in joined} | places[together]
+        possible = [
+            (t, gain) for t, gain in possible if t.group.family != PassiveJointFriction.name
+        ]
     return places, tuple(possible)
 
 

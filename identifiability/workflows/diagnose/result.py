@@ -95,6 +95,8 @@ class Placement:
         Its posterior probability among all competing hypotheses.
     odds, unseen : float [nat]
         Log odds for the effect on the fitted motion, and its gain on unseen motion.
+    sure : bool
+        Whether the effect is named there. Else only its values elsewhere need it.
     """
 
     place: str
@@ -109,6 +111,7 @@ class Placement:
     weight: float = 1.0
     odds: float = float("nan")
     unseen: float = float("nan")
+    sure: bool = True
 
     @property
     def rows(self) -> list[tuple[str, float, float, str]]:
@@ -200,8 +203,8 @@ class NamedEffect:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Where it is."""
-        return tuple(dict.fromkeys(p.place for p in self.placements))
+        """Where it surely is."""
+        return tuple(dict.fromkeys(p.place for p in self.placements if p.sure))
 
     @property
     def alternatives(self) -> tuple[str, ...]:

@@ -837,7 +837,8 @@ def _list_effects(
         family = own[0].candidate.family
         near = [title_of(t.group.family) for p in own for t in p.nearest]
         after = float(errors[at + 1])
-        everywhere = 1 < len(family.places(robot)) == len(own)
+        sure = sum(p.sure for p in parts.values())
+        everywhere = 1 < len(family.places(robot)) == sure
         placements = tuple(parts.values())
         nearest = tuple(dict.fromkeys(near))
         effects.append(
@@ -872,6 +873,8 @@ def _place(naming: Naming, k: int) -> Placement:
     part = naming.parts[k]
     c = naming.parts[k].candidate
     value, covariance = naming.values(k)
+    if c.positive:
+        value = np.maximum(value, 0.0)
     parameters = part.parameters(naming.problem.robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
     sizes = [float(np.sqrt(np.mean(x**2))) for x in added]
@@ -893,6 +896,7 @@ def _place(naming: Naming, k: int) -> Placement:
         weight=part.weight,
         odds=part.term.odds,
         unseen=part.unseen,
+        sure=bool(np.isfinite(part.left_out)),
     )
 
 

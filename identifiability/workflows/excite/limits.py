@@ -18,7 +18,7 @@ from identifiability.effects import default_effects
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, find_named
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
