@@ -765,6 +765,7 @@ def tell_missing(
     passive : sequence of str
         Joints that no option may lock.
     """
+    free = [name for name in free if _may_be(name, missing)]
     joints = list(dict.fromkeys(map(_owner, missing)))
     moving = [j for j in (*wanted, *passive) if j not in joints]
     patterns = find_patterns(joints, moving)
@@ -789,6 +790,17 @@ def tell_missing(
         locks=f" Lock joints that do not move: {' '.join(options)}." if some else "",
         maps=maps,
     )
+
+
+def _may_be(name: str, missing: Sequence[str]) -> bool:
+    """Return whether the unit in the name of a column suits one of the missing columns."""
+    unit = split_unit(name)[1]
+    kinds = {_kind(column) for column in missing}
+    if unit is None or not kinds <= DIMENSIONS.keys():
+        return True
+    if "tau" in kinds:
+        kinds.add("current")
+    return any(unit.dimension in DIMENSIONS[kind] for kind in kinds)
 
 
 def _rename_in_order(missing: Sequence[str], free: Sequence[str]) -> str:

@@ -151,19 +151,19 @@ def tool_bodies(robot: Description) -> Strings:
 
 
 def body_of(robot: Description, body: str | None) -> str:
-    """Return a body that is named, or the only one that carries no other.
+    """Return a body that is named, or the only one that may carry a load.
 
     Raises
     ------
     RobotError
     """
     if body is None:
-        last = last_bodies(robot)
-        if len(last) > 1:
+        bodies = tool_bodies(robot)
+        if len(bodies) > 1:
             raise RobotError(
-                f"A load may hang on {listing(last, 8)} of {robot.name}; name its body."
+                f"A load may hang on {listing(bodies, 8)} of {robot.name}; name it by --body."
             )
-        return last[0]
+        return bodies[0]
     if body not in robot.bodies:
         raise RobotError(
             f"{robot.name} has no moving body '{body}'{near_match(body, robot.bodies)} Its bodies "

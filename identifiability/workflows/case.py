@@ -997,7 +997,9 @@ def _describe_misread(shares: Sequence[Share], joints: Sequence[str]) -> Finding
             gains |= state_gains(share, joints)
     what = [describe_term(s.term) for s in shares]
     part = "scaled" if gains else "has"
-    return Finding("alternative", text=phrase("alternative", part, what=what, gains=for_toml(gains)))
+    return Finding(
+        "alternative", text=phrase("alternative", part, what=what, gains=for_toml(gains))
+    )
 
 
 def complete_model(data: Data, shares: Sequence[Share]) -> Data:

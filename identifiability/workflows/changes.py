@@ -14,9 +14,16 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects import FAMILIES, find_families
-from identifiability.estimation.differences import WARM, Differences
+from identifiability.estimation.differences import DRIFT, WARM, Differences
 from identifiability.estimation.groups import describe_term, place_of
-from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Terms, without
+from identifiability.estimation.mixed_model import (
+    EVERYWHERE,
+    Group,
+    MixedModel,
+    Term,
+    Terms,
+    without,
+)
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import presented
@@ -517,15 +524,18 @@ def _rms_friction(
 def _with_companions(
     found: Differences, terms: Terms, which: Sequence[int]
 ) -> tuple[Terms, list[int]]:
-    """Return terms with all friction of a place where some of it changed, and which these are.
+    """Return terms with the small changes that may come with a change, and where the change is.
 
     Wear changes dry and viscous friction together. The evidence may name one of them only, and
-    would give it a part of the change of the other one.
+    would give it a part of the change of the other one. Torque constants drift as motors warm, so
+    the logs of a load may differ in their gains by as little as friction does between two logs.
     """
     first = terms[which[0]]
     own = found.whose(first)
     out = terms
     at = list(which)
+    if own.kind == "load" and own.pattern:
+        return (*terms, *_list_drifting_gains(found, terms, first)), at
     if own.kind != "friction" or not own.pattern:
         return out, at
     taken = {t.key for t in terms}
@@ -542,6 +552,17 @@ def _with_companions(
             at.append(len(out))
             out = (*out, replace(first, group=group, member=0))
     return out, at
+
+
+def _list_drifting_gains(found: Differences, terms: Terms, load: Term) -> Terms:
+    """Return small changes of every joint's gain in the logs of a load, but for those of terms."""
+    pattern = found.whose(load).pattern
+    taken = {t.key for t in terms}
+    of_logs = (g for g in found.groups if found.candidate_of(g).pattern == pattern)
+    gains = [g for g in of_logs if found.candidate_of(g).kind == "gain" and g.place != EVERYWHERE]
+    return tuple(
+        replace(load, group=g, member=0, variance=DRIFT**2) for g in gains if g.key not in taken
+    )
 
 
 def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[float, float]:

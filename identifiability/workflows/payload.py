@@ -50,7 +50,7 @@ from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
-from identifiability.robot.robot import Point, body_of, last_bodies, ten_parameters, tool_bodies
+from identifiability.robot.robot import Point, body_of, last_bodies, ten_parameters
 from identifiability.workflows.changes import Change, DifferentTorque, list_lacks, list_log_changes
 
 from .case import MEASURED, Case, take_case
@@ -511,6 +511,8 @@ class Load(Result):
             "schema": self.schema,
             "robot": self.robot.identity,
             **{name: getattr(self, name) for name in own},
+            "mass": as_measured[0] if self.scale.contradicts else quantities[0],
+            "mass_by_file": quantities[0] if self.scale.contradicts else None,
             "quantities": quantities,
             "as_measured": as_measured,
             "torque_scale": asdict(self.scale),
@@ -551,8 +553,8 @@ def payload(
         Logs without the load, best of the same day and along the same motion: effects that the
         model lacks act equally in both.
     body : str, optional
-        Which carries the load; by default the last of a chain, or the platform, on which most
-        loops end.
+        Which carries the load; by default the open end of a chain, or the platform, on which
+        most loops end.
     mass : float, optional
         Of the load, where it is known [kg]: then the torque gain of each joint follows.
     centre : (3,), optional
@@ -794,8 +796,7 @@ def choose_body(structure: Structure, body: str | None) -> str:
     OptionError
         If the model has no bodies.
     """
-    best = tool_bodies(structure.robot)
-    place = body_of(structure.robot, best[0] if body is None and len(best) == 1 else body)
+    place = body_of(structure.robot, body)
     if f"{place}." not in structure.bodies:
         raise OptionError(Finding("load.bodies"))
     return place

@@ -781,6 +781,7 @@ class ResultEntry(Entry):
     physical: RealEntry = RealEntry()
     errors: ErrorsEntry = ErrorsEntry()
     parameters: tuple[dict[str, Any], ...] = ()
+    warnings: tuple[str, ...] = ()
     missing_functions: tuple[dict[str, Any], ...] = ()
     rollout: RolloutEntry | None = None
     bending: BendingEntry = BendingEntry()

@@ -133,7 +133,7 @@ def test_a_joint_that_a_log_lacks_is_proposed_for_locking_before_other_names_are
         IdentifiabilityError,
         match=r"thumb, finger is it, add .*columns={'OLD': 'shoulder'}.*\[columns\]",
     ):
-        Log.from_frame(every, "log", known())
+        Log.from_frame(every.assign(**{"heat [°C]": 30.0}), "log", known())
 
 
 def partly(frame, tau):

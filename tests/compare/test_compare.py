@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from identifiability import Noise, Robot, compare
+from identifiability import Noise, Robot, compare, simulate
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.simulator import Campaign
@@ -70,6 +70,20 @@ def test_a_gain_that_rose_is_named_with_its_size():
     (change,) = compare(PLANAR, before, replace(after, tau=after.tau * [1, 1.15])).changes
     assert (change.kind, change.place) == ("gain", "elbow")
     assert change.share == pytest.approx(0.15, abs=3 * change.share_sd)
+
+
+def test_a_load_hangs_on_the_open_end_and_is_as_sure_as_gains_that_drift():
+    robot = Robot.load("palletizer")
+    moves = (PrescribedMotion.of(shipped_trajectory(robot, m), 600) for m in "ab")
+    first, second = (
+        simulate(r, move, noise=Noise(additive=0.02))
+        for r, move in zip((robot, robot.with_payload(mass=20.0)), moves, strict=True)
+    )
+    drift = default_rng(4).normal(1.0, 0.02, 4)
+    (load,) = compare(robot, first, replace(second, tau=second.tau * drift)).changes
+    assert (load.kind, load.place) == ("load", "tool")
+    assert abs(load.sizes[0] - 20.0) < 3 * load.sd[0]
+    assert load.sd[0] < 2
 
 
 def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():

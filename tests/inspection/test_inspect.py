@@ -113,6 +113,8 @@ def test_what_cannot_be_prepared_or_read_is_refused(run):
     shoulder, elbow = np.degrees(run.q).T
     with pytest.raises(IdentifiabilityError, match="degrees"):
         look(run, shoulder__q=shoulder, elbow__q=elbow)
+    shoulder, elbow = np.radians(run.q).T
+    assert "Hardly: " in look(run, shoulder__q=shoulder, elbow__q=elbow).details
     torqueless = run.to_frame().drop(columns=["shoulder.tau", "elbow.tau"])
     with pytest.raises(IdentifiabilityError, match="torque"):
         inspect("two-link", torqueless)

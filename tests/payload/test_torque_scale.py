@@ -31,6 +31,9 @@ def test_both_readings_are_shown_where_the_file_contradicts_torque_constants(
     assert found.mass.half < 0.06 * planted.mass
     reading = found.as_measured[0]
     assert not reading.low < planted.mass < reading.high
+    content = found.to_dict()
+    masses = [content[name]["value"] for name in ("mass", "mass_by_file")]
+    assert masses == [reading.value, found.mass.value]
     text = found.details
     assert f"{reading.value:.2f}" in text
     assert f"{found.mass.value:.2f} kg" in text

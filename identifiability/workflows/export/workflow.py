@@ -566,6 +566,7 @@ def _notes(
     notes += _note_springs(content.bending, kind, name)
     if kind not in (None, file_kinds(robot)[0]):
         notes.append(phrase("exported", "format", file=name))
+    notes += [phrase("exported", "warned", text=text) for text in content.warnings]
     return (*notes, *state_missing(content.missing))
 
 
