@@ -28,7 +28,7 @@ from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare.preparation import choose_cutoff, make_plan
+from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
@@ -98,14 +98,6 @@ def test_servos_of_an_mjcf_are_its_position_actuators_behind_their_gears(tmp_pat
     assert_allclose(servo.low, [-12, -np.inf])
 
 
-def test_a_motor_is_no_servo_and_a_sidecar_states_one_by_joint_and_pattern(arm):
-    assert Robot.load("two-link").servo is None
-    assert_allclose(arm.servo.kp, [1200, 300])
-    assert_allclose(arm.servo.kv, [50, 8])
-    assert_allclose(arm.servo.high, [900, 900])
-    assert arm.servo.delay is None
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -130,7 +122,6 @@ def test_a_quadruped_that_floats_by_its_file_stands_where_its_sidecar_says_so(tm
 def test_logs_tell_gains_of_joints_of_which_nobody_states_any(tmp_path):
     servo = load_arm(tmp_path, "[servo]\nkp = {shoulder = 3}\n").servo
     assert servo.unknown.tolist() == [False, True]
-    assert servo.kv[0] == 0.0
 
 
 # Commands in logs.
@@ -152,11 +143,6 @@ def test_a_log_with_neither_torque_nor_command_is_refused(arm, frames):
         read(arm, frames[1][["t", "shoulder.q", "elbow.q"]])
 
 
-def test_commands_without_gains_are_refused(frames):
-    with pytest.raises(IdentifiabilityError, match=r'nothing states the gains.*kp = "fit"'):
-        read(Robot.load("two-link"), frames[1])
-
-
 def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     t = np.arange(200) * 0.01
     q = np.sin(3 * t)[:, None]
@@ -171,16 +157,6 @@ def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     assert 0.2 < inside.mean() < 0.95
     assert_allclose(made.tau[inside], raw[inside], atol=1e-6)
     assert_array_equal(made.unmeasured, ~inside)
-
-
-def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, frames):
-    given = servo_log(read(arm, frames[1]), arm.servo, 0.007)
-    how = replace(choose_cutoff(arm, [given], None), stands=True)
-    turning = [
-        make_plan(arm, log, how).dwells.turning
-        for log in (given, replace(given, servo_delay=None))  # the same torque, as if measured
-    ]
-    assert turning[0] == 0 < turning[1]
 
 
 def test_torque_of_rows_in_which_a_rollout_turns_elsewhere_has_the_friction_of_the_log(arm, frames):
@@ -234,6 +210,17 @@ def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(a
         assert told == pytest.approx(size + (kind == "gain"), rel=0.05 if size > 1 else 0.2)
 
 
+def test_a_wrong_gain_is_found_where_errors_are_as_small_as_those_of_recording(tmp_path):
+    rng, how = default_rng(6), servos.Recorder(50.0, 25.0, bits=12)
+    robot = servos.load("hobby-arm", tmp_path)
+    truth = servos.JUDGED["hobby-arm"][0](robot, 0.1, rng)
+    moves = servos.draw_commands(robot, 10.0, 25.0, 0.35, rng)
+    fault = servos.Fault(3, "gain", -0.25)
+    log = read(robot, servos.record(robot, truth, moves, 10.0, how, rng, fault=fault))
+    (said,), *_ = find_odd_joints(robot, fit_rollouts(robot, [log], file_shares(robot)))
+    assert re.search(r"'wrist_pitch' that is 0\.7[4-7]", said)
+
+
 def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path):
     rng, how = default_rng(5), servos.Recorder(100.0, delay=0.007, bits=14)
     own = replace(arm.servo, ki=2.0 * arm.servo.kp)
@@ -251,7 +238,10 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     assert "identifiable" not in frame[frame.name.str.endswith(".off")].verdict.tolist()
     rolled = predict(robot, result.to_json(tmp_path / "result.json"), logs[1], forward=True)
     log = read(robot, logs[1])
-    delay, best = roll_delayed(CommandedRobot(arm, TRUTH, own), log)
+    machine = CommandedRobot(arm, TRUTH, own)
+    delay, best = roll_delayed(machine, log)
+    (part,) = machine.roll_all([log.rows(400, 800)], None, [delay], sources=[log])
+    assert np.std((part - best[400:])[75:], axis=0).max() < 4e-4  # 1.5e-3 if it starts at rest
     assert rolled.totals[-1] < 1.1 * np.sqrt(np.mean((best - log.q)[150:] ** 2))
     export(robot, tmp_path / "result.json", tmp_path / "fitted.xml")
     again = Robot.load(tmp_path / "fitted.xml")
@@ -405,7 +395,7 @@ def _bodies(structure, share, rng):
     return phi
 
 
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.2])
+@pytest.mark.parametrize("share", [0.0, 0.2])
 def test_intervals_with_the_file_hold_up_to_its_share_whatever_few_data_say(share):
     structure, rng = _standard(Robot.load("six-dof-arm")), default_rng(1)
     size = np.abs(structure.nominal[structure.inertial]).mean()
@@ -487,7 +477,7 @@ def test_a_stated_delay_that_is_too_short_is_said_with_its_remedy(frames, tmp_pa
 
 @pytest.mark.parametrize(
     ("factor", "said"),
-    [(0.01, "errs by"), (5.0, "contradict the motion"), (30.0, "contradict the motion")],
+    [(0.01, "errs by"), (5.0, "contradict the motion")],
 )
 def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path, factor, said):
     kp, kv = (dict(zip(arm.joints, factor * x, strict=True)) for x in (arm.servo.kp, arm.servo.kv))
@@ -669,7 +659,7 @@ def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, bare):
 
 
 def test_positions_need_joints_alike_and_servos_for_commands(arm, frames):
-    with pytest.raises(IdentifiabilityError, match="states the gains"):
+    with pytest.raises(IdentifiabilityError, match=r'nothing states the gains.*kp = "fit"'):
         move("two-link", frames[1])
     with pytest.raises(IdentifiabilityError, match="the same joints"):
         predict(arm, Robot.load("quadruped"), frames[1], forward=True)

@@ -52,7 +52,7 @@ def roll_delayed(
     """
     if delay is None:
         nothing_varies = np.zeros((len(KINDS), len(machine.trees)), bool)
-        window = Window(0, log, np.ones(len(machine.trees), bool))
+        window = Window(0, log, np.ones(len(machine.trees), bool), log)
         problem = RolloutProblem(machine, [window], nothing_varies)
         start = problem.pack(machine.numbers(), 0.0)
         delay = float(descend(problem, start).x[-1])

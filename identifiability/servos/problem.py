@@ -177,8 +177,9 @@ class RolloutProblem:
         # Logs at a low rate hold little information on motion within a small share of their step.
         step = max(STEP, FINE * self.dt) if step is None else step
         step = min(machine.longest(numbers, step) for machine, numbers, _ in machines)
+        sources = [window.source for window in self.windows]
         return [
-            machine.roll_all(self.logs, numbers, delays[self.source].tolist(), step)
+            machine.roll_all(self.logs, numbers, delays[self.source].tolist(), step, sources)
             for machine, numbers, delays in machines
         ]
 

@@ -99,7 +99,8 @@ def _errors(
     # Few robots need a short step.
     step = machine.longest(numbers, COARSE * STEP)
     logs = [window.rows for window in windows]
-    rolled = machine.roll_all(logs, numbers, [delay] * len(logs), step)
+    sources = [window.source for window in windows]
+    rolled = machine.roll_all(logs, numbers, [delay] * len(logs), step, sources)
     pairs = zip(rolled, logs, strict=True)
     errors = [np.sqrt(np.mean((q - log.q) ** 2, axis=0)) for q, log in pairs]
     shares = np.nan_to_num(errors / explicable(logs), nan=1e6)

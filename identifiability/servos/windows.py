@@ -30,11 +30,20 @@ class Window:
     rows : Log
     moves : (n,) bool
         Joints whose command moves. Other joints stand and give no information on their servo.
+    source : Log
+        The log, whose earlier rows determine integrals of servos.
     """
 
     log: int
     rows: Log
     moves: np.ndarray
+    source: Log
+
+    @staticmethod
+    def of(k: int, log: Log, start: int, stop: int) -> Window:
+        """Return the window of the rows [start, stop) of the log of a number."""
+        rows = log.rows(start, stop)
+        return Window(k, rows, moving_commands(rows), log)
 
 
 def cut_windows(logs: Sequence[Log]) -> list[Window]:
@@ -45,12 +54,11 @@ def cut_windows(logs: Sequence[Log]) -> list[Window]:
         step = signals.sampling_step(log.t)
         length = round(min(budget, WINDOW) / step)
         if len(log) <= round(budget / step):
-            parts = [log]
-        else:
-            count = max(int(budget / WINDOW), 1)
-            starts = np.linspace(0, len(log) - length, count).astype(int)
-            parts = [log.rows(start, start + length) for start in starts.tolist()]
-        windows += [Window(k, part, moving_commands(part)) for part in parts]
+            windows.append(Window.of(k, log, 0, len(log)))
+            continue
+        count = max(int(budget / WINDOW), 1)
+        starts = np.linspace(0, len(log) - length, count).astype(int)
+        windows += [Window.of(k, log, start, start + length) for start in starts.tolist()]
     return windows
 
 
@@ -66,8 +74,7 @@ def thin_windows(windows: Sequence[Window]) -> list[Window]:
             chosen += of_log[1::2]
             continue
         rows = of_log[0].rows
-        third = rows.rows(len(rows) // 3, 2 * len(rows) // 3)
-        chosen.append(Window(k, third, moving_commands(third)))
+        chosen.append(Window.of(k, rows, len(rows) // 3, 2 * len(rows) // 3))
     return chosen
 
 

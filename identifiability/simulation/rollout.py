@@ -300,23 +300,30 @@ class CommandedRobot:
         numbers: Mapping[str, Array] | None,
         delays: Sequence[float],
         step: float | None = None,
+        sources: Sequence[Log] = (),
     ) -> list[Array]:
-        """Return positions at the samples of each log; see `roll`."""
+        """Return positions at the samples of each log; see `roll`.
+
+        Logs may be rows of longer ones, `sources`, whose earlier rows determine integrals.
+        """
         own = numbers or self.numbers()
         step = self.longest(own) if step is None else step
         servo = self.servo.having(own)
         made = dict[float, tuple[Any, Any]]()
         rolled = []
-        for log, delay in zip(logs, delays, strict=True):
+        for log, delay, source in zip(logs, delays, sources or logs, strict=True):
             dt = signals.sampling_step(log.t)
             h = dt / max(1, int(np.ceil(dt / step - 1e-9)))
             if h not in made:
                 model = self._with(own, h)
                 made[h] = (model, mujoco.MjData(model))
-            rolled.append(self._roll_model(*made[h], log, servo, delay))
+            integrals = self._integrals(made[h][0], log, servo, delay, source)
+            rolled.append(self._roll_model(*made[h], log, servo, delay, integrals))
         return rolled
 
-    def _roll_model(self, model: Any, data: Any, log: Log, servo: Servo, delay: float) -> Array:
+    def _roll_model(
+        self, model: Any, data: Any, log: Log, servo: Servo, delay: float, integrals: Array
+    ) -> Array:
         """Return positions at the samples of a log, (N, n), of a model with its step."""
         h = model.opt.timestep
         speed = starting_speed(log)
@@ -340,7 +347,7 @@ class CommandedRobot:
         v += (begin - 0.5 * h) * a0
         start = np.zeros(mujoco.mj_stateSize(model, _STATE))
         start[1 : 1 + model.nq], start[1 + model.nq :][: len(v)] = q, v
-        start[1 + model.nq + model.nv :][: model.na] = self._integrals(model, log, servo)
+        start[1 + model.nq + model.nv :][: model.na] = integrals
         states, _ = rollout.rollout(
             model,
             data,
@@ -357,22 +364,26 @@ class CommandedRobot:
         out[np.cumsum(~(np.abs(out).max(1) < limit)) > 0] = np.nan
         return out
 
-    def _integrals(self, model: Any, log: Log, servo: Servo) -> Array:
-        """Return integrals of position errors at the start of a log, (na,).
+    def _integrals(self, model: Any, log: Log, servo: Servo, delay: float, source: Log) -> Array:
+        """Return integrals of position errors at the start of rows of a source, (na,).
 
-        Servos have held the start against gravity for as long as the log lasts.
+        Servos have held the start of the source against gravity for as long as it lasts. Errors
+        until the first of the rows are added.
         """
         own = servo.integral > 0
         if not own.any():
             return np.zeros(0)
         constant = model.actuator_biasprm[self.actuators, 0]
-        load = (self.gravity(log.q[:1])[0] - constant)[own]
+        load = (self.gravity(source.q[:1])[0] - constant)[own]
         ki = servo.integral[own]
         rates = -ki / servo.kp[own]
-        duration = log.t[-1] - log.t[0]
+        duration = source.t[-1] - source.t[0]
         held = -np.expm1(rates * duration)
+        past = source.rows(0, np.searchsorted(source.t, log.t[0], side="right"))
+        errors = acting(past, servo, past.t, signals.sampling_step(log.t), delay) - past.q
+        added = np.trapezoid(errors[:, own], past.t, axis=0)
         out = np.zeros(model.na)
-        out[model.actuator_actadr[self.actuators[own]]] = held * load / ki
+        out[model.actuator_actadr[self.actuators[own]]] = held * load / ki + added
         return out
 
     def _acceleration(self, model: Any, data: Any, q: Array, v: Array, control: Array) -> Array:
