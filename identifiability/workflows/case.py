@@ -991,10 +991,8 @@ def state_gains(share: Share, joints: Sequence[str]) -> dict[str, float]:
 
 def _describe_misread(shares: Sequence[Share], joints: Sequence[str]) -> Finding:
     """Return which columns seem to be misread, with the gains that correct a wrong scale."""
-    gains = dict[str, float]()
-    for share in shares:
-        if share.term.group.family == TorqueScale.name:
-            gains |= state_gains(share, joints)
+    scales = [s for s in shares if s.term.group.family == TorqueScale.name]
+    gains = {joint: gain for s in scales for joint, gain in state_gains(s, joints).items()}
     what = [describe_term(s.term) for s in shares]
     part = "scaled" if gains else "has"
     return Finding(

@@ -202,5 +202,5 @@ def test_what_cannot_be_is_refused_in_one_sentence(change, sentence):
 
 
 def test_a_load_on_several_ends_must_be_told_where():
-    with pytest.raises(IdentifiabilityError, match="left_distal, right_distal .* body="):
+    with pytest.raises(IdentifiabilityError, match=r"left_distal, right_distal .* body="):
         Robot.load("five-bar").with_payload(mass=1.0)
