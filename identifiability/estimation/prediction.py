@@ -349,15 +349,29 @@ class Prediction:
         is confirmed on unseen motion; False where none are held. Each joint counts by its own
         scale: the torque of a shoulder would hide the error of a wrist.
         """
-        if not len(self.predicted):
-            return False
         variation = np.sqrt(np.mean(self.apart(axis=0) ** 2, axis=0))
+        return _surely_positive(self._gains(one, other) / or_one(variation), errors)
+
+    def surely_better_in_all(self, one: int, other: int, errors: float) -> bool:
+        """Return the same of all joints together, whose error is the one that is stated."""
+        return _surely_positive(self._gains(one, other), errors)
+
+    def _gains(self, one: int, other: int) -> Array:
+        """Return by how much the absolute error of a model is less than another's, (N, n)."""
         sizes = np.abs(self.residual[:, :, [one, other]])
-        size = np.sum(sizes / or_one(variation)[:, None], axis=1)
-        gains = size[:, 1] - size[:, 0]
-        parts = [x.sum() for x in np.array_split(gains, LEVELS.folds)]
-        standard_error = np.std(parts, ddof=1) * np.sqrt(len(parts))
-        return bool(np.sum(parts) > errors * standard_error)
+        return sizes[:, :, 1] - sizes[:, :, 0]
+
+
+def _surely_positive(gains: Array, errors: float) -> bool:
+    """Return whether the sum of gains (N, n) exceeds some standard errors; False without any.
+
+    Stretches of the samples scatter by the standard error.
+    """
+    if not len(gains):
+        return False
+    parts = [x.sum() for x in np.array_split(gains, LEVELS.folds)]
+    standard_error = np.std(parts, ddof=1) * np.sqrt(len(parts))
+    return bool(np.sum(parts) > errors * standard_error)
 
 
 def _ratio(part: Array, whole: Array | float) -> Array:

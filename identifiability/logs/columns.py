@@ -524,7 +524,8 @@ def _tell_angles(joints: Sequence[str], known: Conventions) -> list[str]:
     if unused and {*joints} <= {*known.motors}:
         notes.append(
             f"[columns] of {listing(unused, 4)} was not used, as the log has motors: state zero "
-            "and scale of the motors there, or joint positions at their zero as [transmission] offset"
+            "and scale of the motors there, or joint positions at their zero as [transmission] "
+            "offset"
         )
     return notes
 

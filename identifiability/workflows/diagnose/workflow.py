@@ -730,7 +730,8 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
         # The best values stand for the fit of all families.
         each = [*fits[: len(fits) - (0 < n == count)], last]
         gap = naming.predict_unseen(each)
-        if not n or ((problem.fixed or used.predicts) and not gap.surely_better(0, -1)):
+        refuted = gap.surely_better(0, -1) or gap.surely_better_in_all(0, -1, RULES.harmful)
+        if not n or ((problem.fixed or used.predicts) and not refuted):
             break
     before, after = naming.predict_fitted([fits[0], last]).relative_error().tolist()
     held = gap.relative_error().tolist()
@@ -760,7 +761,12 @@ def find_harmful(naming: Naming) -> list[int]:
     subsets = [every, *([n for n in every if n != k] for k in every)]
     gap = naming.predict_unseen([naming.fit(subset) for subset in subsets])
     errors = gap.relative_error()
-    harmful = [k for k in every if gap.surely_better(k + 1, 0, RULES.harmful)]
+    harmful = [
+        k
+        for k in every
+        if gap.surely_better(k + 1, 0, RULES.harmful)
+        or gap.surely_better_in_all(k + 1, 0, RULES.harmful)
+    ]
     return sorted(harmful, key=lambda k: errors[k + 1])[:1]
 
 

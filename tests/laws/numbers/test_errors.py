@@ -108,6 +108,7 @@ def test_the_error_of_a_small_joint_counts_as_that_of_a_large_one():
     found = prediction(wave, wave[:, :, None] + errors, [200])
     assert found.surely_better(0, 1)
     assert not found.surely_better(1, 0)
+    assert found.surely_better_in_all(1, 0, 2.0)
 
 
 def test_a_joint_whose_torque_never_varies_has_no_error_of_its_own():
