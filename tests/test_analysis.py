@@ -46,15 +46,6 @@ def test_model_1_is_physically_infeasible_and_the_selected_model_is_not(result):
     assert result.chosen.name in ("Model 3", "Model 4")
 
 
-def test_the_well_determined_parameters_are_near_the_truth(result):
-    frame = result.to_frame("Model 4").set_index("name")
-    # What one group more would do may cost labels, by chance: a tilted base for these seeds.
-    assert (frame["verdict"] == "identifiable").sum() >= 8
-    assert frame["verdict"].isin(["identifiable", "sign only"]).all()
-    off = (frame["value"] / frame["nominal"] - 1).abs()
-    assert off.max() < 0.1
-
-
 def test_every_verdict_has_a_reason_and_says_why_the_10x_rule_differs(result):
     for model in result.models:
         for v in model.verdicts:
@@ -70,13 +61,6 @@ def test_where_nothing_is_held_out_the_error_is_cross_validated(simulated):
     small = out.models[3]
     assert full.error_ra_validation > full.error_ra
     assert small.error_ra_validation < 0.055
-
-
-def test_errors_of_several_logs_are_of_what_was_left_out(simulated):
-    logs = [simulated("3-rps", t, k) for k, t in enumerate(("571", "595", "601"))]
-    out = analyze("3-rps", logs, "none", replicates=50)
-    assert out.information.samples == 2250
-    assert 0.04 < out.chosen.error_ra_validation < 0.055
 
 
 def test_the_same_inputs_give_the_same_result_and_a_data_frame_is_a_log(simulated):

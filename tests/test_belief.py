@@ -91,11 +91,6 @@ def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior,
     assert sentence in belief.note
 
 
-def test_friction_of_the_unpruned_model_is_never_below_zero(analysis, unpruned):
-    held = analysis.full.submodel.nonnegative
-    assert (unpruned.physical.chains[..., held] >= -1e-9).all()
-
-
 def test_a_chain_that_has_not_converged_is_withheld_in_json(analysis, unpruned):
     physical = unpruned.physical
     convergence = replace(physical.convergence, reasons=(NOTHING,))

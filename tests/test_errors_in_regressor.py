@@ -126,13 +126,6 @@ def test_a_series_that_lacks_what_the_robot_did_is_not_used(simulated_session):
     assert choose(noisy).record == "auto"
 
 
-def test_the_choice_is_printed_without_being_asked_for(simulated_session, succeeds, tmp_path):
-    noisy, _ = disturb(simulated_session("two-link", "a", noise=Noise()), "multiplicative", 0)
-    noisy.to_frame().to_csv(tmp_path / "run.csv", index=False)
-    said = " ".join(succeeds("analyze", "two-link", tmp_path / "run.csv").output.split())
-    assert "Note: The fit uses a" in said
-
-
 def test_what_was_chosen_is_said_and_another_record_can_be_asked_for(simulated_session):
     noisy, _ = disturb(simulated_session("two-link", "a", noise=Noise()), "multiplicative", 0)
     found = analyze("two-link", noisy, "none", replicates=0)

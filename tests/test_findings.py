@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from identifiability import analyze, inspect
-from identifiability.foundation.findings import Finding, Level, ledger, of_key, phrase
+from identifiability.foundation.findings import Finding, Level, ledger, of_key
 
 
 @pytest.fixture
@@ -25,12 +25,6 @@ def test_a_finding_is_its_sentence_and_what_it_was_made_of():
     assert (again.key, again.numbers) == (found.key, found.numbers)
     assert of_key([found, "plain"], "wraps") == [found]
     assert of_key([found, "plain"], "spikes") == []
-
-
-def test_holes_take_lists_shares_and_go_by_numbers():
-    assert phrase("reading", "says", names=["a"], text="x").startswith("How a was read")
-    assert phrase("reading", "says", names=["a", "b"], text="x").startswith("How a, b were read")
-    assert phrase("repeated", "part", name="torque", share=0.0123) == "torque in 1.2 %"
 
 
 def test_the_ledger_is_a_table_of_what_was_done(spoilt):

@@ -1,7 +1,5 @@
 """The lists of mutants fit the package as it is; `make mutants` tries all of them."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -23,17 +21,3 @@ def test_a_text_that_stands_twice_or_nowhere_is_a_mistake():
                        ("z", "stands nowhere")):  # fmt: skip
         with pytest.raises(LookupError, match=said):
             mutants.find_anchor(text, sources)
-
-
-@pytest.mark.everything  # as the mutants themselves
-def test_faults_that_the_laws_know_are_noticed_and_unknown_ones_named():
-    def run(named):
-        command = [sys.executable, SCRIPT, "--only", named, "--jobs", "1"]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
-
-    done = run("verdict: the white deviation decides")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "dies      verdict: the white deviation decides\n" in done.stdout
-    assert ", 0 survive" in done.stdout
-    none = run("no such mutant")
-    assert (none.returncode, none.stdout) == (1, "no mutant has such a name\n")

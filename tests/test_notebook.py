@@ -12,7 +12,7 @@ from IPython.utils.capture import capture_output
 from traitlets.config import Config
 
 import identifiability
-from identifiability import analyze, calibrate, compare, diagnose, inspect, plot, prune
+from identifiability import analyze, calibrate, compare, diagnose, inspect, prune
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.wording import at_terminal, in_python
 from identifiability.report.answers.python_lines import python_lines
@@ -89,16 +89,6 @@ def test_what_is_not_an_answer_shows_itself_too(kind, results, simulated_session
     assert len(repr(made)) < 300
     if kind == "robot":
         assert "locked at 0.2" in html
-
-
-@pytest.mark.pictures
-def test_figures_of_a_result_show_themselves(results):
-    analysis = results["analysis"]
-    ladder = results["ladder"]
-    shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
-    shown, _ = shell.display_formatter.format(plot.precision(analysis))
-    assert shown["image/png"][:4] == b"\x89PNG"
-    assert len(plot.reduction_path(ladder).axes) == 1
 
 
 @pytest.mark.pictures

@@ -106,13 +106,6 @@ def test_a_standard_parameter_is_refused_with_the_combination_that_holds_it(resu
         result[members[1][1].name]
 
 
-def test_what_is_read_back_has_the_rows_of_the_run(results):
-    live = results["analyze"][0]
-    kept = results["kept"][0]
-    assert live.row_names() == kept.row_names()
-    assert str(live["elbow.Fc"]) == str(kept["elbow.Fc"])
-
-
 def test_a_change_is_found_by_its_parameter(log):
     robot = Robot.load("two-link")
     friction = {n: 2 * x for n, x in robot.nominal.items() if n.startswith("elbow.F")}

@@ -119,18 +119,3 @@ def test_only_the_families_that_are_asked_for_are_named(logs_of):
         diagnose("3-rps", logs[:1], effects=["ripple"])
     with pytest.raises(IdentifiabilityError, match="at least one"):
         diagnose("3-rps", [])
-
-
-def test_the_command_writes_json_and_report(logs_of, succeeds, tmp_path):
-    paths = []
-    for k, log in enumerate(logs_of("two-link", "quadratic_friction@shoulder=0.3")):
-        paths.append(tmp_path / f"{k}.csv")
-        log.write(paths[-1])
-    result = tmp_path / "gap.json"
-    page = tmp_path / "gap.html"
-    arguments = ["two-link", *paths[:4], "--validate", paths[4], "--quick", "--json", result]
-    arguments += ["--effects", "quadratic_friction", "--report", page]
-    out = succeeds("diagnose", *arguments)
-    assert "Quadratic friction" in out.output
-    assert json.loads(result.read_text())["effects"][0]["effect"] == "quadratic_friction"
-    assert page.is_file()

@@ -17,12 +17,6 @@ def two():
         yield engine
 
 
-def test_processes_give_the_bits_that_this_process_gives(two, work):
-    here = list(Serial().map(work.solve, range(12)))
-    there = list(two.map(work.solve, range(12)))
-    assert [x.tobytes() for x in here] == [x.tobytes() for x in there]
-
-
 @pytest.mark.parametrize("kind", ["serial", "processes"])
 def test_the_first_error_arrives_as_itself_and_work_goes_on_afterwards(kind, two, work):
     engine = Serial() if kind == "serial" else two

@@ -1,18 +1,9 @@
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 
 from identifiability.posterior import exact
 from identifiability.posterior.diagnostics import autocorrelation_time, diagnose_convergence
 from identifiability.posterior.ensemble import Posterior, sample_posterior
-
-
-def test_independent_draws_may_be_shown(rng):
-    found = diagnose_convergence(Posterior(rng.normal(size=(4, 16, 100, 3))))
-    assert found.trustworthy
-    assert found.reasons == ()
-    assert_allclose(found.tau, 1.0, atol=0.1)
-    assert (found.ess_bulk > 4000).all()
 
 
 def test_ensembles_that_disagree_may_not_although_their_walkers_agree(rng):

@@ -33,17 +33,6 @@ def test_without_constraints_and_prior_it_is_the_textbook_student_t(iact, poster
     posteriors.assert_same_distribution(draws, best + expected)
 
 
-def test_with_a_known_variance_and_a_prior_it_is_the_textbook_normal(posteriors, rng):
-    prior = Prior(rng.normal(size=5), rng.uniform(0.3, 2.0, 5))
-    target = free_target(rng, prior=prior, variance=1.7, iact=2.0)
-    information = target.data.R.T @ target.data.R / 3.4
-    covariance = np.linalg.inv(information + np.diag(prior.sd**-2))
-    linear = target.data.R.T @ target.data.z / 3.4 + prior.mean / prior.sd**2
-    draws = sample_exact(target, prior.mean, 100, rng, chains=200)
-    expected = rng.multivariate_normal(covariance @ linear, covariance, (200, 100))
-    posteriors.assert_same_distribution(draws, expected)
-
-
 @pytest.mark.parametrize("variance", [None, 2.0])
 def test_the_density_is_likelihood_times_prior(variance, rng):
     prior = Prior(rng.normal(size=5), rng.uniform(0.5, 2.0, 5))

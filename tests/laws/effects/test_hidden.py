@@ -16,7 +16,6 @@ from identifiability.simulation.forces import (
     both_directions,
     hidden_torque,
     parse_hidden,
-    scaled,
     stribeck,
 )
 from identifiability.simulation.mujoco_robot import RigidTorque
@@ -36,17 +35,10 @@ def rms(x):
     return np.sqrt(np.mean(x**2, axis=0))
 
 
-def u(x):
-    """From 0 at the lower end to 1 at the upper."""
-    return (x - x.min(0)) / np.ptp(x, axis=0)
-
-
 @pytest.mark.parametrize(
     ("name", "law"),
     [
-        ("coulomb_asymmetry", lambda v, x, load: np.abs(np.sign(v))),
         ("free_spring", lambda v, x, load: 0.7 * x.max(0) - x),
-        ("gravity_spring", lambda v, x, load: np.sin(x + 0.8)),
         (
             "position_torque",
             lambda v, x, load: (
@@ -54,19 +46,7 @@ def u(x):
                 - 0.4 * np.tanh(3 * (2 * (x - x.min(0)) / np.ptp(x, axis=0) - 0.6))
             ),
         ),
-        ("rising_friction", lambda v, x, load: -np.sign(v) * np.exp(-np.abs(v) / 0.3 / rms(v))),
-        ("sigmoid_friction", lambda v, x, load: np.tanh(v / 0.4 / rms(v))),
-        (
-            "position_friction",
-            lambda v, x, load: (
-                np.sign(v) * (2 * u(x) + np.exp(-8 * (2 * u(x) - 1.2) ** 2))  # 1 + along = 2 u
-            ),
-        ),
         ("stribeck_friction", lambda v, x, load: np.sign(v) * np.exp(-np.abs(v) / 0.3 / rms(v))),
-        (
-            "position_ripple",
-            lambda v, x, load: np.sin(16 * np.pi * (x - x.min(0)) / np.ptp(x, axis=0)),
-        ),
     ],
 )
 def test_each_law_is_written_out_and_sized_by_its_joints_torque(polar, move, name, law):
@@ -159,11 +139,6 @@ def test_what_is_hidden_is_said_with_joints_and_share():
     for text in ("torque_offset=0", "torque_offset=-1", "torque_offset=inf", "torque_offset=x"):
         with pytest.raises(IdentifiabilityError, match="is not understood"):
             parse_hidden(text)
-
-
-def test_a_force_that_is_zero_stays_zero():
-    assert not scaled(np.zeros(5), np.ones(5), 0.1).any()
-    assert_allclose(scaled(np.array([3.0, -3.0]), np.array([4.0, 4.0]), 0.5), [2, -2])
 
 
 def test_the_simulators_own_friction_has_a_level_for_each_direction():

@@ -13,7 +13,6 @@ from identifiability.regression.reduction import (
     LadderEntry,
     build_ladder,
     default_ladder,
-    full_model,
     ladder_model,
 )
 from identifiability.regression.structure import Structure, group_columns
@@ -38,15 +37,6 @@ def submodels(base, *entries):
     )
 
 
-def test_the_first_model_has_every_group(base):
-    (full,) = submodels(base)
-    assert full.columns == base.names == ("arm.m", "arm.mx", "arm.Fc+", "arm.Fc-")
-    assert_array_equal(full.M, np.eye(4))
-    assert_array_equal(full.fixed, 0.0)
-    assert_array_equal(full.nonnegative, [True, False, True, True])
-    assert_array_equal(full_model(base).M, full.M)
-
-
 def test_zeroed_parameters_are_left_out_and_held_ones_keep_their_value(base):
     submodel = submodels(base, {"name": "r", "zero": ["arm.mx"], "hold": {"arm.Fc+": 0.4}})[1]
     assert submodel.columns == ("arm.m", "arm.Fc-")
@@ -59,11 +49,6 @@ def test_nominal_is_the_value_of_the_whole_group(base):
     submodel = submodels(base, {"name": "r", "hold": {"arm.m": "nominal"}})[1]
     assert_allclose(submodel.fixed, [3.5, 0, 0, 0])
     assert_allclose(Structure(ROBOT, Model(()), base).nominal_base, [3.5, 0.3, 1.0, 0.0])
-
-
-def test_a_model_starts_from_the_one_before(base):
-    third = submodels(base, {"name": "a", "zero": ["arm.mx"]}, {"name": "b", "zero": ["arm.m"]})[2]
-    assert third.columns == ("arm.Fc+", "arm.Fc-")
 
 
 def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base):

@@ -102,14 +102,6 @@ def test_a_body_that_cannot_exist_is_moved_to_the_edge_but_for_a_millionth():
     assert found.accurate
 
 
-def test_the_margin_that_a_body_keeps_can_be_asked_for():
-    phi = np.append(body(), 0.0)
-    phi[0] = 1.0
-    for wanted in (1e-3, 0.1):
-        found = project(data_on(phi), region(mass=2.0, length=0.1), margin=wanted)
-        assert_allclose(found.margins, wanted, rtol=0.01)
-
-
 def test_what_the_data_do_not_say_goes_to_the_reference():
     phi = np.append(body(), 0.5)
     R = np.eye(11)[10:]

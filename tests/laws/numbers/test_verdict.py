@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import Thresholds, Verdict
+from identifiability import Thresholds
 from identifiability.estimation.fit import ScoreScatter
 from identifiability.estimation.verdict import judge
 
@@ -100,13 +100,6 @@ def test_the_ninety_five_percent_interval_is_so_many_robust_deviations():
     assert row["interval95"] == list(found.interval95)
     assert row["sigma_robust_percent"] == pytest.approx(100 * 0.5 / 3)
     assert row["sigma_percent"] == pytest.approx(100 * 0.1 / 3)
-
-
-def test_where_physics_decides_the_interval_is_the_posteriors_and_the_datas_stays():
-    data = verdict(3.0, 0.5)
-    told = Verdict(**{**vars(data), "believed": (1.0, 2.0)})
-    assert told.interval95 == (1.0, 2.0)
-    assert told.data_interval95 == data.data_interval95
 
 
 def test_the_share_of_torque_is_the_columns_size_times_the_value():

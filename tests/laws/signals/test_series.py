@@ -62,14 +62,6 @@ def test_a_motion_that_repeats_is_averaged_over_its_periods(periods):
     assert share_left(fourier, exact).max() < 2.5 * np.sqrt(11 / len(t))
 
 
-def test_positions_alone_have_series_too():
-    t, exact = move(3)
-    log = replace(measure(t, exact), dq=None, ddq=None)
-    found = find_series(log)
-    assert share_left(found["fourier"], exact).max() < 0.4
-    assert share_left(found["spline"], exact)[0] < 0.4
-
-
 def test_a_motion_that_never_repeats_has_no_fourier_series():
     t, exact = move(5, repeats=False)
     log = measure(t, exact)

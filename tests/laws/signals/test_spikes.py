@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability.logs import spikes
-from identifiability.logs.spikes import Spike, find_spikes, mend_column
+from identifiability.logs.spikes import find_spikes, mend_column
 
 ROWS = 1000
 TIME = np.arange(ROWS) * 0.01
@@ -139,10 +139,3 @@ def test_blocks_do_not_matter(monkeypatch):
 @pytest.mark.parametrize("rows", range(1, 40))
 def test_short_columns_are_no_reason_to_fail(rows):
     assert find_spikes(swing()[:rows]) == []
-
-
-def test_a_mended_stretch_has_its_own_rows_mended_alone():
-    x = np.arange(10.0)
-    wrong = [Spike(3, 3.0, -1.0), Spike(12, 2.0, -2.0)]
-    assert_array_equal(mend_column(x, wrong, 10), [0, 1, -2, *range(3, 10)])
-    assert mend_column(x, wrong, 100) is x
