@@ -147,13 +147,6 @@ def test_every_public_name_is_listed_where_one_looks():
         assert name == "__version__" or getattr(identifiability, name).__doc__, name
 
 
-def test_schemas_have_a_name_and_a_version():
-    schemas = {line.split()[1] for line in PIN.read_text(encoding="utf-8").splitlines()
-               if line.startswith("json ")}  # fmt: skip
-    assert {"identifiability/analysis/1", "identifiability/pruning/1"} <= schemas
-    assert all(s.startswith("identifiability/") and s.split("/")[2].isdigit() for s in schemas)
-
-
 #: Functions that write results as JSON.
 WRITERS = ("to_dict", "to_row", "row", "identity")
 

@@ -43,17 +43,6 @@ def files(tmp_path):
     return sorted((tmp_path / "work").rglob("*.result"))
 
 
-def test_finished_items_are_taken_from_the_folder(run):
-    first, worked = run(square, range(5))
-    assert worked == [0, 1, 2, 3, 4]
-    again, worked = run(square, range(5))
-    assert worked == []
-    assert [x.tobytes() for x in again] == [x.tobytes() for x in first]
-    more, worked = run(square, [7, 2, 8, 0])
-    assert worked == [7, 8]
-    assert [int(x[1]) for x in more] == [49, 4, 64, 0]
-
-
 def test_an_error_leaves_what_was_finished_before_it(run):
     def fail(item):
         if item == 3:

@@ -26,14 +26,6 @@ def installed(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "__file__", str(site))
 
 
-def test_the_command_writes_the_named_tables_and_the_index(run, tmp_path):
-    out = run("1", "slips", "--quick", "--set", "workers=1", "--out", tmp_path)
-    assert out.exit_code == 0, out.output
-    assert out.stdout.strip().splitlines()[-1].endswith("index.html")
-    names = {p.name for p in tmp_path.glob("*.html")}
-    assert names == {"table_1_base_parameters.html", "paper_slips.html", "index.html"}
-
-
 def test_a_failed_required_check_ends_with_1(run, tmp_path, monkeypatch):
     wrong = StudyCheck("sky", "green", "blue", "exact", passed=False)
     monkeypatch.setattr(table_1_base_parameters, "structure_checks", lambda *_: [wrong])

@@ -8,7 +8,6 @@ import pytest
 from paper_study.command import Options, find_studies, run_studies
 from paper_study.index import find_statement, write_index
 from paper_study.page import write_study
-from paper_study.printed import read_printed
 from registry import STUDIES
 
 PAPER = [study.name for study in STUDIES if study.paper]
@@ -33,11 +32,6 @@ def test_a_quick_study_passes_and_writes_its_page(name, tmp_path):
     assert len(content["checks"]) == len(result.checks)
 
 
-def test_every_printed_table_is_a_file_with_its_number():
-    for number in range(1, 9):
-        assert read_printed(f"table_{number}")["table"] == number
-
-
 def test_the_index_links_every_report_with_its_result(tmp_path):
     (tmp_path / "demo.html").write_text(
         '<h1>A robot</h1><p class="statement">Nine of ten are <b>known</b>.</p>', encoding="utf-8"
@@ -54,12 +48,8 @@ def test_the_index_links_every_report_with_its_result(tmp_path):
 @pytest.mark.parametrize(
     ("word", "wanted"),
     [
-        ("3", "table_3_noise"),
-        ("table4", "table_4_stribeck"),
         ("Table 4", "table_4_stribeck"),
         ("fig4", "figure_4_noise_levels"),
-        ("figure_5_split_forces", "figure_5_split_forces"),
-        ("slips", "paper_slips"),
     ],
 )
 def test_studies_go_by_short_names(word, wanted):
