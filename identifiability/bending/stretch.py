@@ -11,7 +11,7 @@ import numpy as np
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import frozen, once_each
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.prepare.dataset import Piece
 from identifiability.logs.signals import differentiate, sampling_step
@@ -114,7 +114,6 @@ class Stretch:
         self.columns = W[:, :, self.kept]
         self.stated_torque = W @ self.stated
         self._link_columns = W[:, :, self.bodies]
-        self._changes: dict[int, tuple[Array, ...]] = {}
 
     def values(self, change: Array) -> Array:
         """Return the values (p,) of the model for changes (b,) of the kept columns."""
@@ -132,11 +131,10 @@ class Stretch:
 
     # Derivatives of the links' torque.
 
+    @once_each
     def derivative_columns(self, joint: int) -> tuple[Array, ...]:
         """Return columns (N, n, p of bodies) of P, D and M by the motion of a joint."""
-        if joint not in self._changes:
-            self._changes[joint] = tuple(self._difference(joint, k) for k in range(len(STEPS)))
-        return self._changes[joint]
+        return tuple(self._difference(joint, k) for k in range(len(STEPS)))
 
     def _difference(self, joint: int, order: int) -> Array:
         motion = self.piece.motion

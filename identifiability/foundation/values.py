@@ -1,4 +1,4 @@
-"""`frozen`: immutable dataclasses that stages exchange; `last`: a cache of the last result."""
+"""`frozen`: immutable dataclasses that stages exchange; `remember`, `once_each`: caches."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import reprlib
 from collections.abc import Callable, Hashable
 from copy import copy
 from dataclasses import dataclass, field, fields
-from functools import cached_property, partial
+from functools import cached_property, partial, wraps
 from textwrap import shorten
-from typing import Any, TypeVar, dataclass_transform
+from typing import Any, Concatenate, ParamSpec, TypeVar, dataclass_transform
 
 # NumPy is imported where there are arrays: what is refused at once waits for no library.
 # `frozen`: what passes between stages, frozen in fact.
@@ -28,7 +28,7 @@ def frozen(cls: Any = None, *, kw_only: bool = False) -> Any:
     # Of NumPy's arrays, under its name or ours.
     annotations = vars(cls).get("__annotations__", {})
     arrays = tuple(n for n, a in annotations.items() if "rray" in str(a))
-    for name in vars(cls).get("__annotations__", {}):
+    for name in annotations:
         value = vars(cls).get(name)
         if value.__hash__ is None:  # each object has a copy of its default
             setattr(cls, name, field(default_factory=partial(copy, value)))
@@ -66,9 +66,11 @@ def _short(self: Any) -> str:
     return shorten(f"{type(self).__name__}({', '.join(parts)})", 280, placeholder="…)")
 
 
-# A cache of the last results: many callers need the same few in turn.
+# Caches: of the last results, for many callers that need the same few in turn; of all results.
 
 
+P = ParamSpec("P")
+T = TypeVar("T")
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
 
@@ -81,3 +83,18 @@ def remember(kept: dict[K, V], key: K, make: Callable[[], V], most: int) -> V:
             del kept[next(iter(kept))]
         kept[key] = made
     return kept[key]
+
+
+def once_each(method: Callable[Concatenate[T, P], V]) -> Callable[Concatenate[T, P], V]:
+    """Return a method whose object keeps the result of each set of arguments."""
+
+    @wraps(method)
+    def look(self: T, /, *about: P.args, **named: P.kwargs) -> V:
+        results = vars(self).setdefault("_results", {})
+        key = method, about, tuple(named.items())
+        if key not in results:
+            results[key] = method(self, *about, **named)
+        found: V = results[key]
+        return found
+
+    return look

@@ -122,8 +122,8 @@ def name_columns(
     found: Sequence[str],
     source: str,
     known: Conventions,
-    units: Mapping[str, str] | None = None,
-    first: Mapping[str, str] | None = None,
+    units: Mapping[str, str],
+    first: Mapping[str, str],
 ) -> Naming:
     """Return the columns that a log takes from a table.
 
@@ -137,9 +137,9 @@ def name_columns(
     source : str
         Name of the table in messages.
     known : Conventions
-    units : mapping of str to str, optional
+    units : mapping of str to str
         Units in the table's row of units.
-    first : mapping of str to str, optional
+    first : mapping of str to str
         Texts in the first row, by column.
 
     Raises
@@ -156,7 +156,7 @@ def name_columns(
     torque = _has_torque({c: n for c, n in names.items() if c not in idle}, guesses)
     needed = ("q",) if known.motion_alone and not torque else ("q", "tau")
     candidates = _find_candidates(guesses, known, needed, torque=torque)
-    resolved, how = resolve_numbers(candidates, source, known, names, first or {})
+    resolved, how = resolve_numbers(candidates, source, known, names, first)
     taken = _choose(resolved, names, known, source)
     commanding = resolve_commands(taken, names, source, known, torque=torque)
     needed = ("q",) if commanding else needed
@@ -168,7 +168,7 @@ def name_columns(
         _refuse_missing(names, taken, source, known)
     own = [g for n, g in taken.items() if n == "t" or (g.joint in wanted and g.kind in CHANNELS)]
     held = [g for g in taken.values() if g.joint in known.locked and g.kind == "q"]
-    stated = {c.name: _find_stated(c, units or {}) for c in own + held}
+    stated = {c.name: _find_stated(c, units) for c in own + held}
     counted = {c.joint for c in own if c.kind == "q" and stated[c.name] is None}
     columns = [_in_si(c, stated[c.name], source, known, counted) for c in own]
     columns, torque_notes = _convert_torque(columns, wanted, known, source)

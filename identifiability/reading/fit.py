@@ -24,7 +24,7 @@ from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import frozen, once_each
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.regression.columns import list_candidates
@@ -173,12 +173,7 @@ class TorqueRows:
         self.parts = parts
         self.separate_offsets = separate_offsets
         self.others = others
-        self._columns: dict[tuple[int, bool], Array] = {}
-        self._squares: dict[tuple[int, bool], Array] = {}
-        self._torque: dict[tuple[int, float, bool], Array] = {}
-        self._crosses: dict[tuple[int, float, bool], Array] = {}
         self._roots: dict[tuple[int, bytes], Array] = {}
-        self._late: dict[float, list[Array]] = {}
 
     @cached_property
     def acts(self) -> list[np.ndarray]:
@@ -401,47 +396,38 @@ class TorqueRows:
         weight = np.column_stack([np.ones(len(gravity)), gravity])
         return np.ascontiguousarray(weight[:, : self.parts.shape[3]])
 
+    @once_each
     def columns(self, joint: int, *, adjusted: bool) -> Array:
         """Return the parts of the c columns that act in a joint, (N, c, 1 or 4)."""
-        key = joint, adjusted
-        if key not in self._columns:
-            parts = self.parts[:, joint, self.acts[joint]]
-            rows = self._rows_of(joint, parts.reshape(len(parts), -1), adjusted)
-            self._columns[key] = rows.reshape(parts.shape)
-        return self._columns[key]
+        parts = self.parts[:, joint, self.acts[joint]]
+        rows = self._rows_of(joint, parts.reshape(len(parts), -1), adjusted)
+        return rows.reshape(parts.shape)
 
+    @once_each
     def torque(self, joint: int, delay: float, *, adjusted: bool) -> Array:
         """Return every torque column as data of one joint, earlier by a delay [s], (N, n)."""
-        key = joint, delay, adjusted
-        if key not in self._torque:
-            rows = self._shifted_torque(joint, delay)
-            self._torque[key] = self._rows_of(joint, rows, adjusted)
-        return self._torque[key]
+        return self._rows_of(joint, self._shifted_torque(joint, delay), adjusted)
 
+    @once_each
     def crosses(self, joint: int, delay: float, *, adjusted: bool) -> Array:
         """Return products of every torque column and a joint's columns, (n, c, 1 or 4)."""
-        key = joint, delay, adjusted
-        if key not in self._crosses:
-            torque = self.torque(joint, delay, adjusted=adjusted)
-            columns = self.columns(joint, adjusted=adjusted)
-            self._crosses[key] = np.tensordot(torque, columns, (0, 0))
-        return self._crosses[key]
+        torque = self.torque(joint, delay, adjusted=adjusted)
+        columns = self.columns(joint, adjusted=adjusted)
+        return np.tensordot(torque, columns, (0, 0))
 
     def grams(self, weights: Array, *, adjusted: bool) -> list[Array]:
         """Return the products (c, c) of each joint's columns under weights of gravity."""
         each = [self.squares(j, adjusted=adjusted) for j in range(len(weights))]
         return [parts @ w @ w for w, parts in zip(weights, each, strict=True)]
 
+    @once_each
     def squares(self, joint: int, *, adjusted: bool) -> Array:
         """Return products of the parts of a joint's columns, (c, c, k, k) of k parts."""
-        key = joint, adjusted
-        if key not in self._squares:
-            parts = self.columns(joint, adjusted=adjusted)
-            _, columns, k = parts.shape
-            flat = parts.reshape(len(parts), -1)
-            products = (flat.T @ flat).reshape(columns, k, columns, k)
-            self._squares[key] = products.swapaxes(1, 2)
-        return self._squares[key]
+        parts = self.columns(joint, adjusted=adjusted)
+        _, columns, k = parts.shape
+        flat = parts.reshape(len(parts), -1)
+        products = (flat.T @ flat).reshape(columns, k, columns, k)
+        return products.swapaxes(1, 2)
 
     def _shifted_torque(self, joint: int, delay: float) -> Array:
         """Return the torque columns (N, n) at a later time, low-passed afterwards.
@@ -454,16 +440,15 @@ class TorqueRows:
             outputs.append(replace(piece, tau=tau, weight=weight).torque)
         return np.concatenate(outputs)
 
+    @once_each
     def _late_torque(self, delay: float) -> list[Array]:
         """Return the torque columns (N, n) of each piece at a later time."""
-        if delay not in self._late:
-            every = []
-            for piece in self.excerpt.pieces:
-                t = piece.motion.t
-                late = [np.interp(t + delay, t, x) for x in piece.tau.T] if delay else piece.tau.T
-                every.append(np.array(late).T)
-            self._late[delay] = every
-        return self._late[delay]
+        every = []
+        for piece in self.excerpt.pieces:
+            t = piece.motion.t
+            late = [np.interp(t + delay, t, x) for x in piece.tau.T] if delay else piece.tau.T
+            every.append(np.array(late).T)
+        return every
 
     # Adjusted rows.
 
@@ -579,12 +564,10 @@ class RowsOfPart(TorqueRows):
         self.rows = rows
         self.chosen = chosen
 
+    @once_each
     def columns(self, joint: int, *, adjusted: bool) -> Array:
         """Return the parts of the c columns that act in a joint, (N, c, 1 or 4)."""
-        key = joint, adjusted
-        if key not in self._columns:
-            self._columns[key] = self.rows.columns(joint, adjusted=adjusted)[self.chosen]
-        return self._columns[key]
+        return np.asarray(self.rows.columns(joint, adjusted=adjusted)[self.chosen])
 
     def torque(self, joint: int, delay: float, *, adjusted: bool) -> Array:
         """Return every torque column as data of one joint, earlier by a delay [s], (N, n)."""

@@ -196,7 +196,7 @@ def group_columns(
     return BaseParameters(tuple(parameters), indices, G, s, rank != len(kept), tuple(preference))
 
 
-def random_motion(robot: Robot, rng: np.random.Generator, count: int = 400) -> Motion:
+def random_motion(robot: Robot, rng: np.random.Generator, count: int) -> Motion:
     """Return random states of a robot within its limits, loops closed.
 
     Positions are uniform within the limits (or ± 1.5 rad and ± 0.1 m about home where there are

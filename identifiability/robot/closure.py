@@ -660,7 +660,7 @@ def known_torque(robot: Description, motion: Motion, *, beyond: bool = False) ->
     return tau
 
 
-def tabulated_torque(robot: Description, motion: Motion, *, beyond: bool = False) -> Array:
+def tabulated_torque(robot: Description, motion: Motion, *, beyond: bool) -> Array:
     """Return the torque that the sidecar states as functions of positions, (N, n) [N·m or N].
 
     Beyond their ranges it may be that of the nearest position.

@@ -276,7 +276,6 @@ class CommandedRobot:
         log: Log,
         numbers: Mapping[str, Array] | None = None,
         delay: float = 0.0,
-        step: float | None = None,
     ) -> Array:
         """Return positions at the samples of a log, (N, n); NaN where they diverged.
 
@@ -288,10 +287,8 @@ class CommandedRobot:
             Joints' numbers, as of `numbers`, and gains ``kp``, ``kv`` of the servos if others than
             its own; by default its own.
         delay : float [s]
-        step : float [s], optional
-            Longest one of the integrator; by default as of `longest`.
         """
-        return self.roll_all([log], numbers, [delay], step)[0]
+        return self.roll_all([log], numbers, [delay])[0]
 
     @quiet()
     def roll_all(
@@ -305,6 +302,7 @@ class CommandedRobot:
         """Return positions at the samples of each log; see `roll`.
 
         Logs may be rows of longer ones, `sources`, whose earlier rows determine integrals.
+        The longest step [s] of the integrator is by default that of `longest`.
         """
         own = numbers or self.numbers()
         step = self.longest(own) if step is None else step

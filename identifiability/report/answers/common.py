@@ -350,9 +350,9 @@ def state_reserved(found: Answer) -> str:
 def answer_trust(
     notes: Sequence[Note],
     doubt: str,
-    missing: str = "",
-    warnings: Sequence[str] = (),
-    in_doubt: str = "",
+    missing: str,
+    warnings: Sequence[str],
+    in_doubt: str,
 ) -> Answer:
     """Return whether the result may be trusted, with the titles of its caveats.
 

@@ -673,7 +673,7 @@ def _choose_values(
     return structure, know_nothing(structure)
 
 
-def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
+def usual_effects(robot: Robot, *, commanded: bool) -> tuple[str, ...]:
     """Return the effects of the model that is diagnosed when none is given.
 
     Zeros of commands and encoders differ, and servos turn the difference into torque. Logs of
