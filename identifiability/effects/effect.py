@@ -9,7 +9,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from functools import wraps
 from typing import ClassVar, Literal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -126,6 +128,25 @@ def list_entries(effect: Effect, robot: Robot, motion: Motion) -> Iterator[tuple
         yield joint, column, columns[joint, column]
 
 
+def once_along(value: Callable[[Along], Array]) -> Callable[[Along], Array]:
+    """Return a function of an axis that is computed once for its motion and cached with that.
+
+    A dictionary asks dozens of effects, of many shapes each, about one axis.
+    """
+    found: WeakKeyDictionary[Motion, dict[tuple[Robot, Axis], Array]] = WeakKeyDictionary()
+
+    @wraps(value)
+    def known(at: Along) -> Array:
+        values = found.setdefault(at.motion, {})
+        key = at.robot, at.axis
+        if key not in values:
+            values[key] = value(at)
+            values[key].flags.writeable = False
+        return values[key]
+
+    return known
+
+
 @frozen
 class Along:
     """The motion along one axis, which the forces along it are functions of."""
@@ -135,26 +156,31 @@ class Along:
     axis: Axis
 
     @property
+    @once_along
     def speed(self) -> Array:
         """Speed of the axis, (N,) [rad/s or m/s]."""
         return self.robot.along(self.axis, self.motion.v)
 
     @property
+    @once_along
     def sign(self) -> Array:
         """Sign of its speed, (N,): the expected sign where velocity is noisy."""
         return self.motion.expected_sign(self.speed, self.load)
 
     @property
+    @once_along
     def acceleration(self) -> Array:
         """Acceleration of the axis, (N,) [rad/s² or m/s²]."""
         return self.robot.along(self.axis, self.motion.a)
 
     @property
+    @once_along
     def travel(self) -> Array:
         """Position of the axis from its home, (N,) [rad or m]."""
         return self.robot.travel(self.axis, self.motion.q, self.robot.home)
 
     @property
+    @once_along
     def position(self) -> Array:
         """Position of the axis as the robot file counts it, (N,) [rad or m]."""
         return self.robot.travel(self.axis, self.motion.q)

