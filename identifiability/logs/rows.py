@@ -62,10 +62,12 @@ def divide_rows(rows: int, size: int = PIECE) -> Iterator[tuple[int, int]]:
 
 def find_range(x: Array) -> tuple[Array, Array]:
     """Return the smallest and the largest values of x (N, …) along its rows, (…) each."""
-    parts = [x[a:b] for a, b in divide_rows(len(x))]
-    low = np.min([part.min(0, initial=np.inf) for part in parts], axis=0)
-    largest = [part.max(0, initial=-np.inf) for part in parts]
-    return low, np.max(largest, axis=0)
+    lowest = []
+    highest = []
+    for a, b in divide_rows(len(x)):
+        lowest.append(x[a:b].min(0, initial=np.inf))
+        highest.append(x[a:b].max(0, initial=-np.inf))
+    return np.min(lowest, axis=0), np.max(highest, axis=0)
 
 
 def gather(pieces: Iterable[Mapping[str, Array]]) -> dict[str, Any]:

@@ -120,7 +120,7 @@ def test_only_rows_of_long_logs_stay_on_the_disk(frame_of, saved, monkeypatch):
     paths = saved(frame), saved(frame, "csv")
     assert not any(Log.read(p).long for p in paths)
     monkeypatch.setattr(rows, "LONG", 1000)
-    long = [Log.read(p) for p in (*paths, paths[0])] + [Log.from_frame(frame)]
+    long = [*map(Log.read, paths), Log.from_frame(frame)]
     for log in long:
         assert log.long
         assert isinstance(log.q.base.base.obj, mmap.mmap)
