@@ -277,7 +277,7 @@ class AnalysisPresenter(LadderedPresenter):
         tone = "blue" if is_nearly_real(chosen) else "amber"
         use = sentence(about, "use", name=chosen.name.removeprefix("Model "))
         count = len(chosen.submodel)
-        text = join_sentences(_state_unknown(chosen), use, state_nearest(chosen))
+        text = join_sentences(_state_unknown(chosen), state_nearest(chosen) or use)
         found = found_cell(chosen).text
         return answer(about, part, text, tone, found=found, count=count)
 
