@@ -59,6 +59,8 @@ class Recordings:
         Whether the program set it aside, because the user gave none.
     reading : reading.CarriedReading or None
         The reading of the columns; None for the literal one.
+    began : float or None [s]
+        When the session of these logs began, on the clock of their files; None if they share none.
     """
 
     fitted: tuple[Log, ...]
@@ -69,6 +71,7 @@ class Recordings:
     verified_on: str = ""
     set_aside: bool = False
     reading: Any = None
+    began: float | None = None
 
     @property
     def commanded(self) -> bool:
@@ -199,7 +202,9 @@ def read_recordings(
     if learns:
         refuse_silent(train)
     conversions = _list_conversions([*train, *held_out])
-    return Recordings(mended.fitted, mended.held_out, (*conversions, *mended.hints))
+    hints = (*conversions, *mended.hints)
+    began = None if clocked[0].start is None else (named[0].start or 0.0) - clocked[0].start
+    return Recordings(mended.fitted, mended.held_out, hints, began=began)
 
 
 def _list_conversions(logs: Sequence[Log]) -> list[Finding]:

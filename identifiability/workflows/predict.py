@@ -61,6 +61,8 @@ from identifiability.robot.sidecar import Value
 from .case import MEASURED, Case, Use, apply_to_logs, take_case
 from .provenance import given_paths
 
+#: The effect that depends on the time of the session.
+DRIFTS = "function_of_session_time"
 #: No log is set aside, and none needs torque.
 MOTION = Use(divides=False, commands=False, motion_alone=True)
 
@@ -396,6 +398,8 @@ class Fit(Keyed, Predicts):
         standard errors.
     reading : CarriedReading or None
         The reading of the fitted logs and of new logs; None for the literal one.
+    began : float or None [s]
+        When the session of the fitted logs began, on the clock of their files; None if unknown.
     hints : tuple of str
         Differences from the inputs with which the result was made.
     """
@@ -415,6 +419,7 @@ class Fit(Keyed, Predicts):
     alternatives: Array | float = 0.0
     servo: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     reading: CarriedReading | None = None
+    began: float | None = None
     hints: tuple[str, ...] = ()
 
     @property
@@ -491,6 +496,7 @@ class Fit(Keyed, Predicts):
             "offsets": self.offsets,
             "alternatives": self.alternatives,
             "servo": dict(self.servo),
+            "began": self.began,
             "preparation": preparation,
         }
         if self.reading is not None:
@@ -514,6 +520,7 @@ def _predict_along(
     """
     recordings = case.recordings(run)
     samples = samples or case.samples(case.robot, run)
+    samples = _place_in_session(fit, recordings.began, samples)
     logs = (*recordings.fitted, *recordings.held_out)[: len(samples)]
     measured = tuple(not log.motion_alone for log in logs)
     structure = fit.structure
@@ -536,6 +543,7 @@ def _predict_along(
             *state_reading(fit, case, samples, run, "written"),
             *fit.hints,
             *state_missing(fit.missing),
+            *_state_session(fit, samples),
             *recordings.hints,
             *hints,
         ),
@@ -553,6 +561,36 @@ def _common_motors(robot: Robot, logs: Sequence[Log]) -> Strings:
         return ()
     have_motors = all(has_motors(robot, log) for log in logs)
     return gear.motors if have_motors and {*gear.motors}.isdisjoint(robot.joints) else ()
+
+
+def _place_in_session(
+    fit: Fit, began: float | None, samples: Sequence[Dataset]
+) -> tuple[Dataset, ...]:
+    """Return new logs with their start in the session of the fitted logs; unknown without clocks.
+
+    Parameters
+    ----------
+    fit : Fit
+    began : float or None [s]
+        When the session of the new logs began.
+    samples : sequence of Dataset
+        The new logs.
+    """
+    known = fit.began is not None and began is not None
+    later = (began or 0.0) - (fit.began or 0.0)
+    placed = []
+    for sample in samples:
+        start = (sample.motion.start or 0.0) + later if known else None
+        placed.append(replace(sample, motion=replace(sample.motion, start=start)))
+    return tuple(placed)
+
+
+def _state_session(fit: Fit, samples: Sequence[Dataset]) -> tuple[Finding, ...]:
+    """Return a sentence if the model depends on a time of the session that no clock tells."""
+    drifts = any(text.startswith(DRIFTS) for text in fit.structure.model.texts)
+    if drifts and any(sample.motion.start is None for sample in samples):
+        return (Finding("prediction.session"),)
+    return ()
 
 
 def _predict_chunks(
@@ -688,6 +726,7 @@ class FitEntry(Entry):
     alternatives: list[list[float]] | float = 0.0
     servo: dict[str, tuple[float, float]] = {}
     reading: ReadingEntry | None = None
+    began: float | None = None
     preparation: Preparation
 
 
@@ -881,6 +920,7 @@ def _rebuild_fit(entry: FitEntry, structure: Structure, submodel: Submodel) -> F
         offsets=np.reshape(entry.offsets, (b, n)),
         alternatives=np.array(entry.alternatives),
         servo=entry.servo,
+        began=entry.began,
     )
 
 

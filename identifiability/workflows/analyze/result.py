@@ -380,6 +380,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             alternatives=np.stack([to_base @ shift, doubt]),
             servo=self._servo_errors(),
             reading=self.recordings.reading,
+            began=self.recordings.began,
         )
 
     def _servo_errors(self) -> dict[str, tuple[float, float]]:

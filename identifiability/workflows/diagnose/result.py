@@ -288,6 +288,8 @@ class Diagnosis(Result, Predicts):
         A sentence on the other reading of the logs under which it was diagnosed; else empty.
     reading : CarriedReading or None
         That reading, if columns or gravity have another one.
+    began : float or None [s]
+        When the session of the logs began, on the clock of their files; None if they share none.
     """
 
     schema: ClassVar[str] = "identifiability/diagnosis/1"
@@ -317,6 +319,7 @@ class Diagnosis(Result, Predicts):
     nothing: str = ""
     alternative: str = ""
     reading: CarriedReading | None = None
+    began: float | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     moved: PositionPrediction | None = None
 
@@ -648,6 +651,7 @@ def keep_completed(d: Diagnosis) -> Fit:
         base_unknown=whole.unknown,
         offsets=measure_offsets(information, known.estimate),
         reading=d.reading,
+        began=d.began,
     )
 
 

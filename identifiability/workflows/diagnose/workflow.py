@@ -298,6 +298,7 @@ def _with_context(
         nothing=nothing,
         alternative=statement,
         reading=data.recordings.reading,
+        began=data.recordings.began,
         hints=hints,
         provenance=provenance,
     )
