@@ -1,7 +1,8 @@
 """`LogOffsets`: torque offsets that differ between logs, as a group of the mixed model.
 
 An offset is a constant, and every smooth function of the motion contains one. So offsets and
-functions compete by their evidence. Rows without functions have hardly any offset.
+functions compete by their evidence. Rows without functions have hardly any offset. A load that one
+log carries competes with them, too.
 """
 
 from __future__ import annotations
@@ -13,10 +14,14 @@ import numpy as np
 from identifiability.effects import FAMILIES, find_families
 from identifiability.effects.measurement import TorqueOffset
 from identifiability.estimation.groups import Missing
-from identifiability.foundation.names import Array, Strings
+from identifiability.estimation.mixed_model import MixedModel, Term, Terms
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
+from identifiability.foundation.rounding import measured
 from identifiability.foundation.values import frozen
 from identifiability.quality import MeasuredLogs
 from identifiability.regression.columns import Candidate
+from identifiability.robot.robot import tool_bodies
 
 from .fit import constant_torque
 
@@ -29,6 +34,8 @@ class LogOffset(TorqueOffset):
 
 #: Offsets say nothing about the memory of the noise within logs, as functions of a session.
 OFFSET = replace(FAMILIES[TorqueOffset.name], effect=LogOffset(), flexible=True, against="session")
+#: A load has the columns of a body.
+LOAD = replace(FAMILIES["payload"], effect=FAMILIES["rigid_body"].effect)
 
 
 @frozen
@@ -40,10 +47,13 @@ class LogOffsets:
     odds : float
         Log odds, given all effects that are found with them; minus infinity if none is found.
     values : (L, n) [N·m or N]
+    load : Finding or None
+        A load of one log that explains as much as the offsets.
     """
 
     odds: float
     values: Array
+    load: Finding | None = None
 
     @staticmethod
     def find(logs: MeasuredLogs) -> LogOffsets:
@@ -61,8 +71,51 @@ class LogOffsets:
         values = np.zeros(len(model.scale))
         values[solution.columns] = solution.value
         by_joint = (values / model.scale)[missing.fixed + first :].reshape(len(logs.joints), -1)
-        odds = sum(term.odds for term in offsets) if len(others) < len(terms) else -np.inf
-        return LogOffsets(odds, by_joint.T)
+        if len(others) == len(terms):
+            return LogOffsets(-np.inf, by_joint.T)
+        odds = sum(term.odds for term in offsets)
+        return LogOffsets(odds, by_joint.T, find_load(logs, missing, others, odds))
+
+
+def find_load(logs: MeasuredLogs, missing: Missing, others: Terms, odds: float) -> Finding | None:
+    """Return a load that one log carries, if it explains as much as offsets with log odds."""
+    model = with_loads(missing, logs).model()
+    groups = [group for group in model.groups if group.family == LOAD.name]
+    best = max(model.gains(others, groups), key=lambda term: term.odds)
+    return _state_load(logs, model, others, best) if best.odds >= odds else None
+
+
+def _state_load(logs: MeasuredLogs, model: MixedModel, others: Terms, load: Term) -> Finding:
+    """Return the log that carries a load, and the mass, given other missing effects."""
+    solution = model.solve((*others, load))
+    first = np.flatnonzero(solution.columns == load.columns[0])[0]
+    unit = model.scale[load.columns[0]]
+    mass = solution.value[first] / unit
+    sd = np.sqrt(solution.covariance[first, first]) / unit
+    log = load.member
+    if mass < 0 and len(logs.samples) == 2:
+        log, mass = 1 - log, -mass  # of two logs the other one carries it
+    size = measured(abs(mass), sd, "kg")
+    more = "more" if mass > 0 else "less"
+    return Finding("log_load", logs.samples[log].name, load=size, more=more, body=load.group.place)
+
+
+def with_loads(missing: Missing, logs: MeasuredLogs) -> Missing:
+    """Return candidates of a model with a load on a tool body in one log each, at the end."""
+    seen = missing.seen
+    candidates = [*missing.candidates]
+    entries = dict(missing.entries)
+    width = len(INERTIAL_KINDS)
+    for body in tool_bodies(logs.robot):
+        rigid = Candidate(LOAD, body, np.nan, INERTIAL_KINDS, LOAD.effect, tuple(range(width)))
+        torque = seen.entries([rigid])
+        for log in range(len(logs.samples)):
+            first = candidates[-1].columns[-1] + 1
+            candidates.append(replace(rigid, columns=tuple(range(first, first + width))))
+            entries |= {(j, first + k): x * (seen.log == log) for (j, k), x in torque.items()}
+    both = replace(missing, candidates=tuple(candidates), given=missing.noise)
+    vars(both)["entries"] = entries
+    return both
 
 
 def with_offsets(missing: Missing, joints: Strings) -> Missing:

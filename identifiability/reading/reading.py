@@ -17,6 +17,7 @@ import numpy as np
 
 from identifiability.effects.base import GravityTilt
 from identifiability.effects.inertia import Payload
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
@@ -60,6 +61,8 @@ class Reading:
         Whether each log has its own torque offsets.
     offsets : mapping of str to (n,) [N·m or N]
         Torque offsets by the name of the log, less their mean.
+    load : Finding or None
+        A load of one log that explains as much as these offsets. It is reported in their place.
     link_side : (n,) bool
         Joints whose torque sensor sits behind the gear. Empty if none does.
     fitted_numbers : int
@@ -85,6 +88,7 @@ class Reading:
     parameters: Array = np.empty(0)
     separate_offsets: bool = False
     offsets: Mapping[str, Array] = {}
+    load: Finding | None = None
     link_side: Array = np.zeros(0, bool)
     fitted_numbers: int = 0
     log_odds: float = 0.0
@@ -110,7 +114,7 @@ class Reading:
     @property
     def holds(self) -> bool:
         """Return whether it is used: rows that did not choose its numbers confirm it."""
-        return self.verification is not None and self.verification.holds
+        return self.load is None and self.verification is not None and self.verification.holds
 
     @property
     def statement(self) -> str:

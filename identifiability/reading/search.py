@@ -125,7 +125,7 @@ class ReadingSearch:
     def choose(self) -> Reading | None:
         """Return the reading that is used, else the likeliest one as a question, else None."""
         judged = self.judge([*self.refine_screened()])
-        verified = (replace(reading, verification=self.verify(reading)) for reading in judged)
+        verified = (self._with_evidence(reading) for reading in judged)
         readings = list[Reading]()
         for reading in verified:
             if reading.holds and reading.turned and self.has_wrong_zero(reading):
@@ -134,6 +134,11 @@ class ReadingSearch:
             if reading.holds:
                 return self.complete(reading)
         return readings[0] if readings else None
+
+    def _with_evidence(self, reading: Reading) -> Reading:
+        """Return a reading with its result on other rows, and a load that offsets compete with."""
+        load = self.offsets.load if reading.separate_offsets else None
+        return replace(reading, verification=self.verify(reading), load=load)
 
     def has_wrong_zero(self, reading: Reading) -> bool:
         """Return whether one encoder's zero fits better than another direction of gravity.

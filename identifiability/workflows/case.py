@@ -928,7 +928,7 @@ def check_logs(data: Data, reading: Reading | None) -> Data:
     odd = find_oddities(data.measured, explained=holds)
     reading = None if odd.misread else reading  # misread positions explain the torque
     key = "alternative" if holds else "question"
-    said = () if reading is None else (Finding(key, text=reading.statement),)
+    said = () if reading is None else (reading.load or Finding(key, text=reading.statement),)
     remarks = (*said, *odd.hints, *hints)
     return replace(
         data,

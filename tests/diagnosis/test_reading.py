@@ -132,6 +132,10 @@ def test_offsets_that_differ_between_logs_are_found_and_taken_out(arm):
     read = found.read(given[0], Structure.of(robot, MODEL))
     assert_allclose(read.tau, given[0].tau - apart[0])
     assert look(robot, *logs) is None
+    loaded = replace(record("six-dof-arm", seed=2, payload=1.0)[1], name="loaded")
+    question = look(robot, logs[0], loaded, logs[2])
+    assert not question.holds
+    assert re.match(r"loaded seems to carry (1\.0|0\.9)\d* kg .* more at link_6", question.load)
 
 
 @pytest.mark.parametrize(("name", "masses"), [("two-link", 1.0), ("six-dof-arm", 3.0)])

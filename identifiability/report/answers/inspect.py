@@ -50,11 +50,13 @@ class InspectionPresenter(AnsweringPresenter):
             study = f"new study --robot {robot_word(result.robot)}"
             motion = f"excite {self.robot} --out motion.json --report motion.html"
             return [command("begin", study), command("worth", motion)]
-        fitted = [r.path or r.name for r in result.records if not r.held_out]
+        loaded = [hint.subject for hint in of_key(result.hints, "log_load")]
+        kept = [r for r in result.records if r.name not in loaded]
+        fitted = [r.path or r.name for r in kept if not r.held_out]
         logs = name_logs(result.robot, fitted)
         if of_key(result.hints, "currents"):  # every other verb would refuse these logs
             return [command("gains", f"inspect {self.robot} {logs}")]
-        unseen = validate_options(r.path or r.name for r in result.records if r.held_out)
+        unseen = validate_options(r.path or r.name for r in kept if r.held_out)
         judge = f"analyze {self.robot} {logs}{unseen} --report report.html --json analyze.json"
         return [command("analyze", judge)]
 

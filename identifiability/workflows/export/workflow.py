@@ -452,8 +452,9 @@ def _prepare_writing(
     head = [state_servos(robot, content)]
     lines = describe_joints(robot, content.parameters, given)
     if lines:
-        rotors = [phrase("exported", "rotors")] if content.rollout else []
-        head += [phrase("exported", "joints"), *rotors, *lines]
+        head.append(phrase("exported", "joints"))
+        head.append(phrase("exported", "rotors") if content.rollout else "")
+        head += lines
     comment = "\n       ".join(filter(None, head))
     how: Any = {"shapes": shapes, "reference": reference, "comment": comment}
     return partial(write_parameters, moved, given, keep=False, **how)
