@@ -19,15 +19,6 @@ def test_simulated_logs_are_analyzed(succeeds, tmp_path):
     assert "12 of 12 parameters are identifiable" in out.output
 
 
-def test_a_random_trajectory_stays_within_the_limits(succeeds, tmp_path):
-    path = tmp_path / "r.csv"
-    succeeds("simulate", "six-ups", "random", "--seed", 3, "--samples", 60, "--out", path)
-    log = pd.read_csv(path)
-    positions = log[[c for c in log if c.endswith(".q")]]
-    assert positions.min().min() >= 0.71
-    assert positions.max().max() <= 0.83
-
-
 #: What an analysis with a report does without, and what one without a report does as well.
 NEEDLESS = ["scipy.stats", "scipy.signal", "cvxpy", "joblib", "emcee"]
 NEEDLESS += [f"identifiability.workflows.{verb}" for verb in ("prune", "diagnose", "excite")]

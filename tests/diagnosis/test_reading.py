@@ -31,6 +31,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import complete_motion
 from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
+from identifiability.robot.robot import tool_bodies
 from identifiability.simulation import Campaign, random_trajectory
 from identifiability.workflows import case
 
@@ -42,7 +43,9 @@ def record(name, seed=1, masses=1.0, samples=600, payload=0.0, **noise):
     robot, rng = Robot.load(name), default_rng(seed)
     bodies = {n: masses * x for n, x in robot.nominal.items() if n.split(".")[0] in robot.bodies}
     truth = robot.with_values(bodies)
-    truth = truth.with_payload(mass=payload, centre=(0.3, 0.0, 0.1)) if payload else truth
+    if payload:
+        body = tool_bodies(robot)[0]
+        truth = truth.with_payload(mass=payload, centre=(0.3, 0.0, 0.1), body=body)
     noise = Noise(**{"additive": 0.02, "correlation": 0.9, "encoder": 1e-5, **noise})
     return robot, simulate(
         truth, random_trajectory(truth, rng, samples=samples), noise=noise, rng=rng
@@ -82,9 +85,9 @@ def arm():
 
 @pytest.mark.parametrize(
     ("joint", "factor", "says"),
-    [(0, -1.0, "seems to have the wrong sign"), (3, 1e-3, "is 0.00"), (5, 20.0, "is ")],
+    [(3, 1e-3, "is 0.00"), (5, 20.0, "is ")],
 )
-def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
+def test_a_torque_of_another_unit_is_found(arm, joint, factor, says):
     robot, log = arm
     wrong = replace(log, tau=one(joint, factor) * log.tau)
     found = look(robot, wrong)
@@ -132,10 +135,14 @@ def test_offsets_that_differ_between_logs_are_found_and_taken_out(arm):
     read = found.read(given[0], Structure.of(robot, MODEL))
     assert_allclose(read.tau, given[0].tau - apart[0])
     assert look(robot, *logs) is None
-    loaded = replace(record("six-dof-arm", seed=2, payload=1.0)[1], name="loaded")
-    question = look(robot, logs[0], loaded, logs[2])
-    assert not question.holds
-    assert re.match(r"loaded seems to carry (1\.0|0\.9)\d* kg .* more at link_6", question.load)
+
+
+def test_a_load_of_one_log_is_no_offset_that_differs():
+    robot, log = record("3-rps", seed=2, payload=20.0)
+    others = [record("3-rps", seed=k)[1] for k in (1, 3)]
+    found = look(robot, replace(log, name="loaded"), *others)
+    assert not found.holds
+    assert found.load.startswith("loaded seems to carry 20.")
 
 
 @pytest.mark.parametrize(("name", "masses"), [("two-link", 1.0), ("six-dof-arm", 3.0)])
@@ -318,14 +325,6 @@ def test_legs_that_are_permuted_are_found():
     order = [1, 2, 0]
     found = look(robot, replace(log, tau=log.tau[:, order]))
     assert found.order.tolist() == np.argsort(order).tolist()
-
-
-def test_of_two_joints_in_different_units_the_one_that_contradicts_the_file_is_blamed():
-    robot, log = record("two-link")
-    for joint, factor in ((0, 1e3), (1, 1e3), (1, 1e-3)):
-        wrong = replace(log, tau=one(joint, factor, 2) * log.tau)
-        found = look(robot, wrong)
-        assert np.flatnonzero(found.factor != 1.0).tolist() == [joint]
 
 
 def test_a_reading_that_other_rows_do_not_confirm_is_a_question_and_is_not_used(arm):

@@ -844,8 +844,7 @@ def _list_effects(
         family = own[0].candidate.family
         near = [title_of(t.group.family) for p in own for t in p.nearest]
         after = float(errors[at + 1])
-        sure = sum(p.sure for p in parts.values())
-        everywhere = 1 < len(family.places(robot)) == sure
+        everywhere = 1 < len(family.places(robot)) == sum(p.sure for p in parts.values())
         placements = tuple(parts.values())
         nearest = tuple(dict.fromkeys(near))
         effects.append(
