@@ -523,9 +523,8 @@ def _tell_angles(joints: Sequence[str], known: Conventions) -> list[str]:
     unused = [j for j in known.scales if j in known.joints and j not in joints]
     if unused and {*joints} <= {*known.motors}:
         notes.append(
-            f"[columns] of {listing(unused, 4)} was not used, as the log has motors: state zero "
-            "and scale of the motors there, or joint positions at their zero as [transmission] "
-            "offset"
+            f"[columns] of {listing(unused, 4)} was not used, as the log has motors: state their "
+            "zero and scale there, or the joints' positions at that zero as [transmission] offset"
         )
     return notes
 

@@ -95,30 +95,13 @@ def test_a_slow_program_is_not_low_passed_below_5_hz(kuka, folder, robot, errors
     assert rotors[1.4] > 1.5 * rotors[5]
 
 
-@pytest.mark.parametrize("run", [1, 2, 3])
-def test_positions_and_velocities_of_the_files_agree_until_the_filter_runs_out(kuka, folder, run):
-    found = kuka.describe_run(folder, run)
-    assert found["step"] == pytest.approx(0.005, rel=1e-3)
-    assert 0.2 < found["jitter"] < 0.5
-    assert found["lag"] == pytest.approx(0.5, abs=0.05)  # backward differences
-    assert found["mismatch"] < 0.02
-    assert found["tail_mismatch"] > 0.5
-
-
-def test_a_change_that_takes_most_motion_is_not_left_out_of_the_values(kuka, folder, robot):
-    """The last quarter of the run was predicted ten times worse without 6.5 s of the rest."""
-    found = diagnose(robot, kuka.load_log(folder, robot, 1), forward=False)
-    assert found.changes
-    assert found.held_after <= found.held_before
-    assert "all rows are fitted" in found.details
-
-
-@pytest.mark.everything
-def test_a_name_that_harms_unseen_motion_is_left_out(kuka, folder, robot):
-    """Ten names made the error on run 3 larger, 8.6 to 9.4 %, and six of them make it smaller."""
+def test_names_are_probable_and_do_not_depend_on_rounding(kuka, folder, robot):
+    """Rounding once chose the noise, and names judged joint by joint had probability 1e-9."""
     narrow, wide = (kuka.load_log(folder, robot, run) for run in (1, 3))
-    d = diagnose(robot, [narrow], [wide], forward=False)
-    assert d.held_after < 0.8 * d.held_before
+    found = diagnose(robot, narrow, forward=False)
+    assert {e.name for e in found.effects} == {"position_torque", "sigmoid_friction"}
+    assert min(e.weight for e in found.effects) > 0.01
+    assert found.predict(wide).error_ra_raw < 0.048  # 4.3 % of the exam
 
 
 @pytest.mark.everything

@@ -114,18 +114,16 @@ def test_the_order_and_the_coefficients_of_a_long_series_are_found():
     assert plain[0].sigma ** 2 == pytest.approx(1.0, rel=0.05)
 
 
-@pytest.mark.parametrize("seed", [11, 18, 28])
-def test_of_two_optima_the_better_one_counts_whatever_rounding_says(seed):
-    """Of few rows about a rich model, the path of rising orders alone missed it by 4 to 7."""
-    rng = default_rng(seed)
+def test_of_two_optima_the_better_one_counts_whatever_rounding_says():
+    """Of few rows about a rich model, the path of rising orders alone missed it by 7."""
+    rng = default_rng(28)
     waves = np.outer(np.linspace(0, 1, 60), 2 * np.arange(1, 26)) + rng.uniform(0, 6, 25)
     basis = np.linalg.qr(np.sin(waves))[0]
     a = levinson(np.array([0.95, -0.7, 0.7, -0.6]))[0][-1]
     y = lfilter([1.0], [1, *-a], rng.standard_normal(260))[200:]
     problem = RestrictedLikelihood(y, basis, [(0, 60)])
     of, found = problem.profile(np.empty(0)), problem.maximise(np.empty(0))
-    starts = np.array([[1.0, -1.0, 0.0], [0.5, 0.0, 0.0]])[:, : len(found)]
-    assert of(found)[0] < 0.2 + min(minimize(lambda x: of(x)[0], s).fun for s in starts)
+    assert of(found)[0] < 0.1 + minimize(lambda x: of(x)[0], np.zeros(len(found))).fun
 
 
 def test_slow_drifts_are_held_to_the_slowest_noise_that_there_is():
