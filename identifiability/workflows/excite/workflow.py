@@ -202,8 +202,10 @@ def find_motion(
     objective = Objective(question, known, series, min(samples, series.looks), drive)
     aim = question.criterion
 
+    sooner = f"--evaluations {evaluations // 4} takes a quarter of the time"
+
     def show(cost: float, share: float) -> None:
-        run.say(f"{aim.title}: {aim.figure(cost):.4g}", min(share, 0.99))
+        run.say(f"{aim.title}: {aim.figure(cost):.4g} ({sooner})", min(share, 0.99))
 
     found = search(objective, np.random.default_rng(run.seed), evaluations=evaluations, say=show)
     x, space, gap = _best(objective, found, samples)
