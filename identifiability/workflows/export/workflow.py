@@ -733,7 +733,7 @@ continuous time. What the logs do not determine by itself is near the robot file
 
 from isaaclab.actuators import DelayedPDActuatorCfg
 
-ROBOT = {title}
+{joint_lines}ROBOT = {title}
 PHYSICS_DT = 0.001  # [s], that of your simulation: delays are whole steps of it
 DELAY = {delay:.6g}  # [s], from a command's row until it acts
 
@@ -770,10 +770,13 @@ def write_isaaclab(
     title = for_python(robot.title or robot.name)
     late = max(delay or 0.0, 0.0)
     rows = "\n".join(_actuator_rows(names, columns))
+    lines = describe_joints(robot, content.parameters, given)
+    head = [phrase("exported", "joints"), *lines] if lines else []
     text = ACTUATORS.format(
         title=title,
         delay=late,
         joints=for_python(names),
+        joint_lines="".join(f"# {line}\n" for line in head),
         rows=rows,
     )
     return write_text(out, text)
