@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 
 from identifiability.effects import Family, find_families, title_of
 from identifiability.effects.friction import REVERSALS, ReversalFriction, RisingFriction
-from identifiability.effects.measurement import TorqueScale
+from identifiability.effects.measurement import CommandDelay, TorqueScale
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
@@ -704,13 +704,16 @@ def find_missing(
     unseen: Regression | None = None,
     *,
     commanded: bool = False,
+    irregular: bool = False,
 ) -> MissingEffects:
     """Return the effects that a model with all columns of a regression may lack.
 
     Rows that were held out may only take a name away: these are the last log, or the last part of
-    the only one, if no other rows were held out.
+    the only one, if no other rows were held out. Where commands were lost (`irregular`), those that
+    are not detected act like late joints, so no joint is called late.
     """
-    families = find_families(None, commanded=commanded)
+    every = find_families(None, commanded=commanded)
+    families = [f for f in every if not (irregular and f.name == CommandDelay.name)]
     missing = Missing.of(regression, families, structure.present)
     if commanded or structure.robot.base is not None:
         missing = missing.between_reversals()

@@ -205,8 +205,14 @@ class Data(OfStructure):
     @cached_property
     def missing(self) -> MissingEffects:
         """Effects that may be missing in the unpruned model."""
-        commanded = bool(of_key(self.hints, "commands"))
-        return find_missing(self.structure, self.regression, self.unseen, commanded=commanded)
+        said = {key: bool(of_key(self.hints, key)) for key in ("commands", "irregular")}
+        return find_missing(
+            self.structure,
+            self.regression,
+            self.unseen,
+            commanded=said["commands"],
+            irregular=said["irregular"],
+        )
 
     @cached_property
     def measured(self) -> MeasuredLogs:
