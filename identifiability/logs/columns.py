@@ -736,7 +736,8 @@ def _refuse_missing(
     has = [*dict.fromkeys(c.joint for c in measured.values() if c.kind in ("q", "tau"))]
     wanted = known.motors if {*has} & {*known.motors} else known.joints or has or ["<joint>"]
     missing = [n for j in wanted for n in (f"{j}.q", f"{j}.tau") if n not in taken]
-    raise LogError(tell_missing(source, missing, wanted, free, known.passive))
+    likely = [n for n in free if _may_be(n, missing)]
+    raise LogError(tell_missing(source, missing, wanted, likely, known.passive))
 
 
 #: Remedy if no remaining column could be a missing one.
@@ -765,7 +766,6 @@ def tell_missing(
     passive : sequence of str
         Joints that no option may lock.
     """
-    free = [name for name in free if _may_be(name, missing)]
     joints = list(dict.fromkeys(map(_owner, missing)))
     moving = [j for j in (*wanted, *passive) if j not in joints]
     patterns = find_patterns(joints, moving)

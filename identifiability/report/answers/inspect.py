@@ -126,9 +126,10 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
         least = joints.loc[joints.room.idxmin()]
         still = [j for hint in of_key(result.hints, "still") for j in hint.numbers["joints"]]
         moving = "yes" if joints.room.notna().all() else "limited"
-        # Angles that were converted from degrees twice cover at most this share.
-        twice = least.room < math.radians(1.0)
-        part = "no" if still else "little" if twice else moving
+        # Angles that were converted from degrees twice cover at most one degree per radian.
+        if least.room < math.radians(1.0):
+            moving = "little"
+        part = "no" if still else moving
         why = sentence(about, "why")
         yield answer(about, part, why, still=still, joint=least.joint, room=least.room)
 
