@@ -206,9 +206,8 @@ def _explain_little(
     after = weights * problem.residual(fitted.q, fitted.x)
     if before @ before - after @ after <= CLEAR**2:
         return []
-    squares = np.sum(problem.errors(fitted.q)[joints] ** 2)
-    share = float(squares / np.sum(errors[joints] ** 2))
-    return [Explanation(share, at[[likeliest]], fitted)]
+    ratio = np.linalg.norm(problem.errors(fitted.q)[joints]) / np.linalg.norm(errors[joints])
+    return [Explanation(float(ratio**2), at[[likeliest]], fitted)]
 
 
 def _finish_search(problem: RolloutProblem, found: Explanation) -> Explanation:

@@ -374,12 +374,10 @@ class CommandedRobot:
         constant = model.actuator_biasprm[self.actuators, 0]
         load = (self.gravity(source.q[:1])[0] - constant)[own]
         ki = servo.integral[own]
-        rates = -ki / servo.kp[own]
         duration = source.t[-1] - source.t[0]
-        held = -np.expm1(rates * duration)
+        held = -np.expm1(-ki / servo.kp[own] * duration)
         past = source.rows(0, np.searchsorted(source.t, log.t[0], side="right"))
-        errors = acting(past, servo, past.t, signals.sampling_step(log.t), delay) - past.q
-        added = np.trapezoid(errors[:, own], past.t, axis=0)
+        added = sum_errors(past, servo, delay, signals.sampling_step(log.t))[own]
         out = np.zeros(model.na)
         out[model.actuator_actadr[self.actuators[own]]] = held * load / ki + added
         return out
@@ -427,6 +425,21 @@ class CommandedRobot:
         model.actuator_forcerange[self.actuators] = less[:, None] * ends
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
+
+
+def sum_errors(log: Log, servo: Servo, delay: float, dt: float) -> Array:
+    """Return the integrals of position errors along a log, (n,) [rad·s or m·s].
+
+    Parameters
+    ----------
+    log : Log
+    servo : Servo
+    delay, dt : float [s]
+        Delay of commands, and sampling step.
+    """
+    errors = acting(log, servo, log.t, dt, delay) - log.q
+    integrals: Array = np.trapezoid(errors, log.t, axis=0)
+    return integrals
 
 
 def starting_speeds(log: Log) -> Array:

@@ -770,16 +770,20 @@ def write_isaaclab(
     title = for_python(robot.title or robot.name)
     late = max(delay or 0.0, 0.0)
     rows = "\n".join(_actuator_rows(names, columns))
-    lines = describe_joints(robot, content.parameters, given)
-    head = [phrase("exported", "joints"), *lines] if lines else []
     text = ACTUATORS.format(
         title=title,
         delay=late,
         joints=for_python(names),
-        joint_lines="".join(f"# {line}\n" for line in head),
+        joint_lines=_comment_joints(describe_joints(robot, content.parameters, given)),
         rows=rows,
     )
     return write_text(out, text)
+
+
+def _comment_joints(lines: Sequence[str]) -> str:
+    """Return the lines of joints as a comment with a heading; empty without lines."""
+    head = [phrase("exported", "joints"), *lines] if lines else []
+    return "".join(f"# {line}\n" for line in head)
 
 
 def _actuator_rows(names: Sequence[str], columns: Mapping[str, Array]) -> Iterator[str]:
