@@ -390,7 +390,7 @@ def name_missing(looked: Naming) -> Naming:
 
     Left-out blocks of the fitted rows decide in which joints each confirmed effect acts. Once other
     terms are removed, a name may be far less probable than an alternative. The alternative replaces
-    it, unless the same rows refute that one.
+    it if the same rows confirm that one, and it gains no less on unseen rows.
     """
     looked, found = _search(looked)
     judged, gone = _judge(looked, found), set[tuple[str, str]]()
@@ -400,7 +400,7 @@ def name_missing(looked: Naming) -> Naming:
             break
         new = {t.key for t in better} - judged.keys
         other = _judge(judged.naming, better)
-        if new <= other.keys:
+        if new <= other.keys and _gains_no_less(other, judged):
             judged = other
         gone |= new
     looked, kept = judged.naming, judged.terms
@@ -423,6 +423,13 @@ def _judge(looked: Naming, found: Terms) -> Judged:
     refuted = tuple(x for x in (*looked.refuted, *news) if x[0].key not in standing)
     kept = looked.whole.update_terms(tuple(t for t in kept if places[t.key]))
     return Judged(replace(looked, refuted=refuted, possible=possible), kept, gains, places)
+
+
+def _gains_no_less(one: Judged, other: Judged) -> bool:
+    """Whether names of one alone gain no less on unseen rows than names of the other alone."""
+    own = sum(one.unseen.get(key, 0.0) for key in one.keys - other.keys)
+    others = sum(other.unseen.get(key, 0.0) for key in other.keys - one.keys)
+    return own >= others
 
 
 def _exchange_improbable(judged: Judged, gone: Collection[tuple[str, str]]) -> Terms:
