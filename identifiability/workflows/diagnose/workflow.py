@@ -762,12 +762,7 @@ def find_harmful(naming: Naming) -> list[int]:
     subsets = [every, *([n for n in every if n != k] for k in every)]
     gap = naming.predict_unseen([naming.fit(subset) for subset in subsets])
     errors = gap.relative_error()
-    harmful = [
-        k
-        for k in every
-        if gap.surely_better(k + 1, 0, RULES.harmful)
-        or gap.surely_better_in_all(k + 1, 0, RULES.harmful)
-    ]
+    harmful = [k for k in every if gap.surely_better(k + 1, 0, RULES.harmful)]
     return sorted(harmful, key=lambda k: errors[k + 1])[:1]
 
 
