@@ -184,6 +184,7 @@ def test_lost_commands_and_gains_that_are_all_too_high_are_said(arm, key, lost, 
     frame = servos.record(arm, TRUTH, moves, 8.0, how, rng)
     result = analyze(replace(arm, servo=arm.servo.divided(1 / factor)), frame, quick=True)
     assert [k for k, *_ in FAULTS[1:] if of_key(result.hints, k)] == [key] * bool(key)
+    assert not of_key(result.hints, "late_commands")
     assert_allclose(result.robot.servo.kp, arm.servo.kp, rtol=0.15)
 
 

@@ -34,6 +34,10 @@ BAD = {
         r"the loops are open by 1e\+308 m at the home position",
     ),
     "singular gear": (GEAR + "[[1, 1], [1, 1]]", SQUARE),
+    "gear that is stated twice": (
+        GEAR + "[[1, 0], [1, 1]]\nratio = [2, 3]\n[torque]\nratio = {m2 = 3}",
+        r"both \[torque\] ratio and \[transmission\] ratio are stated for m2",
+    ),
     "axis called as a joint": (
         AXIS.replace("both", "elbow") + "{elbow = 1, shoulder = 1}",
         "has the name of a body",

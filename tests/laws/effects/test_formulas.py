@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability import IdentifiabilityError, Model
+from identifiability import IdentifiabilityError, Model, find_base_parameters
 from identifiability.robot.sidecar import KnownTorque
 
 G = 9.81
@@ -247,3 +247,12 @@ def test_the_columns_of_a_model_are_those_of_its_effects_side_by_side(polar, mov
     alone = [Model.of(e).regressor(polar, m) for e in effects]
     W = Model.of(*effects).regressor(polar, m)
     assert_array_equal(W, np.concatenate(alone, axis=2))
+
+
+def test_two_effects_with_one_parameter_are_refused_by_its_name(pair):
+    """Joints have levels of other names in each direction; a mixing motor has one level."""
+    friction, levels = "coulomb_friction", "coulomb_asymmetry"
+    with pytest.raises(IdentifiabilityError, match=r"have the parameter m2\.Fc; leave one"):
+        find_base_parameters(pair, Model.of(friction, f"{levels}@m2"))
+    apart = find_base_parameters(pair, Model.of(f"{friction}@m2", f"{levels}@a"))
+    assert apart.names == ("m2.Fc", "a.Fc+", "a.Fc-")
