@@ -79,6 +79,16 @@ def test_a_load_hangs_from_the_base_as_it_leans():
     assert abs(mass.value - 3.0) < mass.half < 0.04
 
 
+@pytest.mark.parametrize(("mass", "told"), [(1.5, True), (0.02, False)])
+def test_numbers_of_either_sign_may_be_zero_and_a_mass_may_not(fit, make_logs, mass, told):
+    load = PlantedLoad(mass, np.array([0.0, -0.03, 0.1]), mass * np.diag([0.008, 0.009, 0.006]))
+    found = payload(ARM, fit(ARM), make_logs(ARM, load, seed=3)[1]).quantities
+    zero = [q for q in found if q.low <= 0 <= q.high]
+    assert {"centre x", "Ixy", "Ixz", "Iyz"} <= {q.name for q in zero}
+    assert {q.told for q in found} == {told}
+    assert ("mass" in {q.name for q in zero}) != told
+
+
 @pytest.mark.parametrize("name", [pytest.param(ARM, marks=pytest.mark.everything), "two-link"])
 def test_intervals_hold_planted_loads(name, fit, make_logs):
     inside = []
@@ -92,7 +102,7 @@ def test_intervals_hold_planted_loads(name, fit, make_logs):
             assert not check_body(found.parameters, "load")
             true = load.quantities
             inside += [q.low <= t <= q.high for q, t in zip(found.quantities, true, strict=True)]
-            assert all(q.low > 0 or q.high < 0 for q in found.quantities[4:] if q.told)
+            assert all(q.low > 0 or q.high < 0 for q in found.quantities[4:7] if q.told)
             off.append(found.mass.value / load.mass - 1)
     assert np.mean(inside) >= 0.9
     assert abs(np.mean(off)) < 0.03

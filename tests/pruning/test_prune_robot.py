@@ -79,6 +79,14 @@ def test_what_the_chosen_model_weighs_among_all_is_said(pruned):
     assert any("robability among all models of the path is" in text for text in said)
 
 
+def test_the_answer_says_by_which_rule_the_model_was_chosen(pruned):
+    best, chosen = pruned.models[pruned.least], pruned.chosen
+    reason = pruned.answers()[0].text
+    print(len(best), len(chosen), reason, best.density-chosen.density)
+    assert len(chosen) < len(best)
+    assert f"as well as the best, which has {len(best)}" in reason
+
+
 def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_path):
     path = pruned.write_model(tmp_path / "pruned.toml")
     again = analyze("3-rps", simulated("3-rps", "601", 0), "none", path, replicates=20)

@@ -103,6 +103,14 @@ def test_names_are_probable_and_do_not_depend_on_rounding(kuka, folder, robot):
 
 
 @pytest.mark.everything
+def test_a_name_that_harms_unseen_motion_is_left_out(kuka, folder, robot):
+    """Ten names made the error on run 3 larger, 8.6 to 9.4 %, and six of them make it smaller."""
+    narrow, wide = (kuka.load_log(folder, robot, run) for run in (1, 3))
+    d = diagnose(robot, [narrow], [wide], forward=False)
+    assert d.held_after < d.held_before
+
+
+@pytest.mark.everything
 def test_a_wider_motion_is_no_other_load(kuka, folder, robot):
     """A load of 0.27 kg explains a part of the error on run 3, but less than half of its square."""
     narrow, wide = (kuka.load_log(folder, robot, run) for run in (1, 3))

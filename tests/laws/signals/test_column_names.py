@@ -194,6 +194,17 @@ def test_speeds_with_a_unit_take_the_direction_of_counts_and_not_their_size(size
     np.testing.assert_allclose((log.q[:, 0], log.dq[:, 0]), (np.sin(t), np.cos(t)))
 
 
+@pytest.mark.parametrize("size", [1.0, -1 / 175])
+def test_a_scale_multiplies_the_unit_of_the_heading(size):
+    """Such as a motor's angle in degrees behind a gear, counted the other way."""
+    t = 0.01 * np.arange(30)
+    q, dq = np.sin(t), np.cos(t)
+    motor = {"a.q [deg]": np.degrees(q - 0.3) / size, "a.dq [deg/s]": np.degrees(dq) / size}
+    known = Conventions(joints=("a",), scales={"a": (size, 0.3)})
+    log = Log.from_frame(pd.DataFrame({"t": t, **motor, "a.tau": t}), "log", known)
+    np.testing.assert_allclose((log.q[:, 0], log.dq[:, 0]), (q, dq), atol=1e-12)
+
+
 @pytest.mark.parametrize("kind", DIMENSIONS)
 def test_a_refused_unit_has_one_article_that_fits(kind):
     with pytest.raises(IdentifiabilityError) as refused:
