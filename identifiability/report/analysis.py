@@ -48,6 +48,7 @@ from .blocks import (
     torque_lines,
     torque_traces,
 )
+from .figures import name_torque
 from .skeleton import move_with_torque
 from .values_table import joint_values
 
@@ -85,11 +86,12 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
 
 def analysis_sections(analysis: Analysis) -> list[Section | None]:
     """Return the sections of the page."""
+    title = f"Parameters of {model_title(analysis.chosen)}"
     correlated = None if analysis.nothing else section_correlated(analysis.fit)
     profiles = section_profiles(analysis) if analysis.profiles else None
     posterior = None if analysis.belief is None else section_posterior(analysis)
     return [
-        section_values(analysis),
+        section_values(analysis, title),
         section_prediction(analysis),
         section_parameters(analysis),
         section_ladder(analysis),
@@ -104,12 +106,13 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
 # Parameters, and the models side by side.
 
 
-def section_values(result: Laddered[Any]) -> Section | None:
-    """Return mass, friction and rotor of each joint."""
-    values = joint_values(result)
+def section_values(result: Laddered[Any], parameters: str) -> Section | None:
+    """Return mass, friction and rotor of each joint; `parameters` is the title of all of them."""
+    values = joint_values(result, parameters)
     if result.nothing or values is None:
         return None
-    return section("analysis.values", values)
+    more = any(cell.more for row in values.rows for cell in row)
+    return section("analysis.values", values, opened=sentence("values", "opened") if more else "")
 
 
 INERTIAL_KEY = (
@@ -198,6 +201,7 @@ def section_prediction(analysis: Analysis) -> Section:
     out = analysis.held_out
     robot = analysis.robot
     name = (analysis.validation or analysis.samples)[0].name
+    what = name_torque(" ".join(robot.torque_units))
     t = out.t[0]
     loaded = loaded_joints(out.rms)
     measured, predicted = (x[:, loaded] for x in drawn_torque(out))
@@ -215,6 +219,8 @@ def section_prediction(analysis: Analysis) -> Section:
         Fold(sentence("analysis.errors"), error_tables(analysis)),
         log=name,
         filtered="" if np.array_equal(out.tau, out.raw) else ", low-passed as it was fitted",
+        what=what,
+        What=what.capitalize(),
         model=model_title(analysis.chosen),
         kind="a log that" if analysis.validation else "stretches of a log that",
         windows=_tell_windows(analysis),
@@ -407,7 +413,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         **settings,
     )
     return [
-        section_values(ladder),
+        section_values(ladder, sentence("pruning.survivors", "title")),
         section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why")),
         section_survivors(ladder),
         None if ladder.nothing else section_correlated(ladder.fit),

@@ -595,9 +595,10 @@ def prediction_sections(result: TorquePrediction) -> list[Section]:
         along = (result.t[rows], result.tau[rows], result.predicted[rows])
         joints = (robot.joints, robot.torque_units)
         blocks.append(torque_traces(*along, *joints, name, result.low[rows]))
+    what = name_torque(" ".join(result.robot.torque_units))
     return [
         section("prediction.joints", result.tables()[0]),
-        section("prediction.torque", *blocks),
+        section("prediction.torque", *blocks, what=what),
     ]
 
 

@@ -296,9 +296,9 @@ def move_with_torque(
     k = robot.joints.index(name)
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     how = how or ("loaded" if residual is None else "missed")
-    word = "misses" if how == "missed" else "differs by"
+    word, of = ("misses", "") if how == "missed" else ("differs by", " of its variation")
     each = zip(share[:, k], np.isfinite(torque[:, k]), strict=True)
-    missed = [f"{name} {word} {100 * x:.0f} %" if known else name for x, known in each]
+    missed = [f"{name} {word} {100 * x:.0f} %{of}" if known else name for x, known in each]
     own = {what: y[:end, k] for what, y in lines.items()}
     caption = sentence("moving", how, log=log, joint=name)
     if any(np.isnan(y).any() for y in own.values()):

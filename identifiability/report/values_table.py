@@ -18,11 +18,11 @@ from .answers.common import sentence
 JOINT_KINDS = ("Fc", "Fv")
 
 
-def joint_values(result: Laddered[Any]) -> Table | None:
+def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     """Return a row for each joint: mass of its body, frictions and rotor, with verdicts.
 
     Motors that mix joints have a row of their friction and rotor. None if the model has none of
-    these parameters.
+    these parameters. The caption refers to the section of all parameters by its title.
     """
     robot = result.robot
     rows_of = _ModelRows(result)
@@ -46,7 +46,7 @@ def joint_values(result: Laddered[Any]) -> Table | None:
         cells = [rows_of.show(f"{place}.{kind}") for kind in kinds]
         rows.append((Cell(place), *([weight] if weighed else []), *cells))
     caption = "caption" if weighed or not masses else "massless"
-    return Table.of(sentence("values", caption), columns, rows)
+    return Table.of(sentence("values", caption, section=parameters), columns, rows)
 
 
 class _ModelRows:

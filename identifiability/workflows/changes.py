@@ -69,7 +69,7 @@ def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
 
 @frozen
 class DifferentTorque:
-    """Torque of a log minus the torque that the model has in all logs.
+    """Torque of a log minus the torque that the model, or an effect it lacks, has in all logs.
 
     Attributes
     ----------
@@ -95,13 +95,15 @@ class DifferentTorque:
         p = found.known.size
         a = found.always.shape[1]
         value = found.solve(terms)[0]
-        explained = np.where(seen.data, 0.0, np.nan)
         sizes = found.always @ value[p : p + a]
         each = np.concatenate([np.empty(0, int), *map(found.at, terms)])
         sizes[each] += value[found.model.fixed :]
+        explained, common = np.zeros((2, *seen.y.shape))
         for (j, k), x in found.missing.entries.items():
-            explained[:, j] += sizes[k] * x
-        measured = np.where(seen.data, seen.y - seen.X @ value[:p], np.nan)
+            differs = found.always[k].any() or found.columns[k][0].pattern
+            part = explained if differs else common
+            part[:, j] += sizes[k] * x
+        measured = np.where(seen.data, seen.y - seen.X @ value[:p] - common, np.nan)
         explained = np.where(seen.data, explained, np.nan)
         size = [np.nansum(explained[seen.log == k] ** 2) for k in range(later)]
         log = int(np.argmax(size))

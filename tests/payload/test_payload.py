@@ -150,7 +150,7 @@ def test_what_a_motion_does_not_tell_is_said(fit, make_logs, planted):
     told = {q.name: q.told for q in found.quantities}
     assert told["mass"]
     assert not told["Ixy"]
-    assert "Ixx" in found.details.partition("The others are not:")[2]
+    assert "Ixx" in found.details.partition("Not identifiable:")[2]
     assert {q.name: q.why for q in found.quantities}["Ixz"] == "not identifiable from this motion"
     assert np.isfinite([q.value for q in found.quantities]).all()
 

@@ -135,7 +135,7 @@ def after_mass(answer: Answer, warning: str) -> Answer:
 Command: TypeAlias = tuple[str, str]
 
 
-def command(purpose: str, line: str) -> Command:
+def command(purpose: str, line: str, **holes: Any) -> Command:
     """Return a line for the terminal, after its purpose.
 
     Parameters
@@ -144,8 +144,10 @@ def command(purpose: str, line: str) -> Command:
         Key of what it is for, in `next` of `words.toml`.
     line : str
         Verb and options.
+    holes
+        Of the purpose.
     """
-    return sentence("next", purpose), f"identifiability {line}"
+    return sentence("next", purpose, **holes), f"identifiability {line}"
 
 
 class AnsweringPresenter(Presenter, ABC):

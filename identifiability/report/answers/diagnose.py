@@ -118,7 +118,8 @@ class DiagnosisPresenter(PredictingPresenter):
             return [command("keep", f"{judge} --json fitted.json --report report.html")]
         if d.included:
             line = with_model(partial("{} --ladder {} --report report.html".format, judge))
-            out.append(command("judge", line))
+            names = [e.title for e in d.effects[: d.included]]
+            out.append(command("judge", line, names=names))
         if undecided:
             out.append(command("separate", f"{again} --next motion.json"))
         if logs_disagree(d):
@@ -127,7 +128,7 @@ class DiagnosisPresenter(PredictingPresenter):
                 line = with_model(partial("{} --ladder {}".format, line))
             out.append(command("compare", line))
         if not d.commanded and find_rises(d.physical, "mjcf"):  # such a file is refused
-            return out or [command("judge", f"{judge} --report report.html")]
+            return out or [command("judge_again", f"{judge} --report report.html")]
         export = partial(export_line, d.robot)
         line = on_file(d, "json", "diagnose.json", f"{again} --json", export)
         return [*out, command("export", line)]

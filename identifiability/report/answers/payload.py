@@ -84,7 +84,9 @@ class LoadPresenter(AnsweringPresenter):
             value = measured(times * q.value, times * q.sigma, unit) if q.told else NONE
             word = result[q.name].verdict
             bounded = not q.told and q.low == 0 and np.isfinite(q.high)
-            ends = _bound_cell(q.high) if bounded else span_cell(times * q.low, times * q.high)
+            ends = _bound_cell(q.high, unit)
+            if not bounded:
+                ends = span_cell(times * q.low, times * q.high, unit)
             rows.append((q.name, value, ends, Cell(word, word, q.why, word)))
         return (make_table("load", rows, caption=sentence("payload.tables", part)),)
 
@@ -100,9 +102,9 @@ def _shown_unit(quantity: Quantity) -> tuple[float, str]:
     return (1e3, "mm") if quantity.unit == "m" else (1.0, quantity.unit)
 
 
-def _bound_cell(high: float) -> Cell:
+def _bound_cell(high: float, unit: str) -> Cell:
     """Return a range that begins at zero as its upper end."""
-    return Cell(sentence("payload.tables", "below", high=high), high)
+    return Cell(sentence("payload.tables", "below", high=high, unit=unit), high)
 
 
 def _list_missing(result: Load) -> tuple[str, ...]:
