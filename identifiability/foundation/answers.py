@@ -120,6 +120,8 @@ class Table:
         Badge column with a chip for each of its words; -1 for the last.
     marked : int or None
         Row that is emphasised.
+    best : int or None
+        Row that is shown beside it where most rows are folded.
     long : bool
         Whether it is too long for a terminal.
     always : bool
@@ -131,6 +133,7 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
     filter_by: int | None = None
     marked: int | None = None
+    best: int | None = None
     long: bool = False
     always: bool = False
 

@@ -37,6 +37,7 @@ class LadderPresenter(LadderedPresenter):
         """Return the models of the path, and the errors of the one to use by joint and by log."""
         result = self.result
         path = make_table("moves", map(_move_row, result.models), result.selected)
+        path = replace(path, best=result.least)
         path = path if result.validation else path.without("held out")
         return (path, *error_tables(result))
 

@@ -82,7 +82,9 @@ def lines_in_memory(lines: Sequence[str], verb: str) -> list[str]:
         if own == verb == "diagnose" and "next" in options:
             shown.append("\n".join(_next_motion(options)))
             continue
-        shown.append("\n".join(_call(*_with_variables(*one)) for one in calls[again:]))
+        told = [_call(*_with_variables(*one)) for one in calls[again:]]
+        verbs = ", ".join(dict.fromkeys(one for one, *_ in calls[again:]))
+        shown.append("\n".join([f"from identifiability import {verbs}", *told]))
     return shown
 
 

@@ -570,7 +570,11 @@ def compare_logs(
     names = [samples[k].name for k in motions.which]
     order = [k for k in np.argsort(motions.p) if motions.moved[k]]
     each = zip(order, motions.values.T[order], strict=True)
-    far = [f"{columns[k]} ({x.min():.3g} to {x.max():.3g})" for k, x in each]
+    units = {v.name: v.unit for v in result.verdicts}
+    far = []
+    for k, x in each:
+        ends = f"{x.min():.3g} to {x.max():.3g} {units.get(columns[k], '')}".rstrip()
+        far.append(f"{columns[k]} ({ends})")
     told = phrase("disagree", "says", names=names, far=far)
     after = "missing" if missing else "compare"
     return f"{told} {phrase('disagree', after, missing=list(missing))}"
