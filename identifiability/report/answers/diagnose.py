@@ -118,7 +118,7 @@ class DiagnosisPresenter(PredictingPresenter):
             return [command("keep", f"{judge} --json fitted.json --report report.html")]
         if d.included:
             line = with_model(partial("{} --ladder {} --report report.html".format, judge))
-            names = [e.title for e in d.effects[: d.included]]
+            names = [name_place(e.name, name_places(e)) for e in d.effects[: d.included]]
             out.append(command("judge", line, names=names))
         if undecided:
             out.append(command("separate", f"{again} --next motion.json"))
