@@ -6,13 +6,14 @@ from made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
-from identifiability import Log, Model, Robot
+from identifiability import Log, Model, Noise, Robot, analyze, simulate
 from identifiability.effects import default_effects
 from identifiability.effects.effect import measure_spans
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.regression.reduction import build_ladder, default_ladder, ladder_model
 from identifiability.regression.structure import Structure, random_motion
+from identifiability.report.values_table import joint_values
 from identifiability.simulation.motion import find_motion
 
 SIDECAR = """
@@ -158,3 +159,10 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
     assert_allclose(joints.dq, dq, atol=1e-12)
     assert_allclose(joints.tau, tau @ R, atol=1e-12)
     assert [a.name for a in robot.axes] == ["shoulder", "elbow", "c2"]
+
+
+def test_values_of_a_motor_that_mixes_joints_have_a_row_of_their_own():
+    robot, rng = Robot.load("differential-wrist"), default_rng(0)
+    log = simulate(robot, find_motion(robot, "random", 150, rng), noise=Noise(torque=0.02), rng=rng)
+    values = joint_values(analyze(robot, log, "none", quick=True))
+    assert [row[0].text for row in values.rows] == ["pitch", "roll", "left", "right"]
