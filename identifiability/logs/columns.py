@@ -442,9 +442,9 @@ def _in_si(
             f"{_map_word(name, f'{column.name} [{example}]')}, "
             f"or {gain if column.kind == 'tau' else 'correct the header'}."
         )
-    # A scale of 1 leaves degrees unchanged; other scales are for ticks.
-    degrees = kind in ANGULAR and column.joint in known.degrees and scale == 1.0
-    factor = DEGREE if degrees else scale
+    # A scale of ±1 states a direction, and degrees stay degrees; other scales are for ticks.
+    degrees = kind in ANGULAR and column.joint in known.degrees and abs(scale) == 1.0
+    factor = scale * DEGREE if degrees else scale
     return replace(column, factor=factor, offset=offset / factor)
 
 

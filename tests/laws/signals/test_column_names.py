@@ -205,6 +205,13 @@ def test_a_scale_multiplies_the_unit_of_the_heading(size):
     np.testing.assert_allclose((log.q[:, 0], log.dq[:, 0]), (q, dq), atol=1e-12)
 
 
+def test_a_direction_keeps_degrees():
+    t = 0.01 * np.arange(30)
+    table = pd.DataFrame({"t": t, "a.q": -np.degrees(t), "a.tau": t})
+    known = Conventions(joints=("a",), scales={"a": (-1.0, 0.0)}, degrees=("a",))
+    np.testing.assert_allclose(Log.from_frame(table, "log", known).q[:, 0], t, atol=1e-12)
+
+
 @pytest.mark.parametrize("kind", DIMENSIONS)
 def test_a_refused_unit_has_one_article_that_fits(kind):
     with pytest.raises(IdentifiabilityError) as refused:
