@@ -85,7 +85,7 @@ def test_torque_is_told_apart_low_passed_and_raw(make_log):
     assert result.fit.preparation.cutoff == result.samples[0].cutoff
     assert found.error_ra < found.error_ra_raw
     assert (found.low < found.new).all()
-    assert "of raw torque" in found.details
+    assert "Before low-pass filtering the error is" in found.details
 
 
 def test_what_the_fitted_motion_never_showed_is_not_predicted(make_log):

@@ -164,5 +164,5 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
 def test_values_of_a_motor_that_mixes_joints_have_a_row_of_their_own():
     robot, rng = Robot.load("differential-wrist"), default_rng(0)
     log = simulate(robot, find_motion(robot, "random", 150, rng), noise=Noise(torque=0.02), rng=rng)
-    values = joint_values(analyze(robot, log, "none", quick=True))
+    values = joint_values(analyze(robot, log, "none", quick=True), "all")
     assert [row[0].text for row in values.rows] == ["pitch", "roll", "left", "right"]
