@@ -357,7 +357,12 @@ class Prediction:
         return _surely_positive(self._gains(one, other), errors)
 
     def _gains(self, one: int, other: int) -> Array:
-        """Return by how much the absolute error of a model is less than another's, (N, n)."""
+        """Return by how much the absolute error of a model is less than another's, (N, n).
+
+        No rows where no samples are held.
+        """
+        if not len(self.predicted):
+            return np.empty((0, len(self.data.T)))
         sizes = np.abs(self.residual[:, :, [one, other]])
         return sizes[:, :, 1] - sizes[:, :, 0]
 
