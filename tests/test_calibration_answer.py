@@ -35,7 +35,7 @@ def test_yes_where_intervals_hold(log):
     assert second.startswith(
         "None of the parameters called identifiable are off by more than half."
     )
-    assert third.endswith("This is so if no effect is missing: diagnose looks for one.")
+    assert third.endswith("This is so if the model lacks no effect: diagnose looks for one.")
     told = found.to_dict()
     assert (told["answer"], told["statement"]) == ("yes", found.statement)
 
