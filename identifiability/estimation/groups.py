@@ -709,8 +709,8 @@ def find_missing(
     """Return the effects that a model with all columns of a regression may lack.
 
     Rows that were held out may only take a name away: these are the last log, or the last part of
-    the only one, if no other rows were held out. Where commands were lost (`irregular`), those that
-    are not detected act like late joints, so no joint is called late.
+    the only one, if no other rows were held out. Where commands were lost (`irregular`), no delay
+    of a joint is looked for: a lost command that is not detected acts like one.
     """
     every = find_families(None, commanded=commanded)
     families = [f for f in every if not (irregular and f.name == CommandDelay.name)]

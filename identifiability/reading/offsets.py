@@ -15,9 +15,9 @@ from identifiability.effects import FAMILIES, find_families
 from identifiability.effects.measurement import TorqueOffset
 from identifiability.estimation.groups import Missing
 from identifiability.estimation.mixed_model import MixedModel, Term, Terms
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
-from identifiability.foundation.rounding import measured
+from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
 from identifiability.quality import MeasuredLogs
 from identifiability.regression.columns import Candidate
@@ -81,8 +81,10 @@ def find_load(logs: MeasuredLogs, missing: Missing, others: Terms, odds: float) 
     """Return a load that one log carries, if it explains as much as offsets with log odds."""
     model = with_loads(missing, logs).model()
     groups = [group for group in model.groups if group.family == LOAD.name]
-    best = max(model.gains(others, groups), key=lambda term: term.odds)
-    return _state_load(logs, model, others, best) if best.odds >= odds else None
+    best = max(model.gains(others, groups), key=lambda term: term.odds, default=None)
+    if best is None or best.odds < odds:
+        return None
+    return _state_load(logs, model, others, best)
 
 
 def _state_load(logs: MeasuredLogs, model: MixedModel, others: Terms, load: Term) -> Finding:
@@ -95,9 +97,11 @@ def _state_load(logs: MeasuredLogs, model: MixedModel, others: Terms, load: Term
     log = load.member
     if mass < 0 and len(logs.samples) == 2:
         log, mass = 1 - log, -mass  # of two logs the other one carries it
-    size = measured(abs(mass), sd, "kg")
-    more = "more" if mass > 0 else "less"
-    return Finding("log_load", logs.samples[log].name, load=size, more=more, body=load.group.place)
+    load_text = phrase("log_load", "another")
+    if abs(mass) > REACH * sd:
+        more = phrase("log_load", "more" if mass > 0 else "less")
+        load_text = f"{measured(abs(mass), sd, 'kg')} {more}"
+    return Finding("log_load", logs.samples[log].name, load=load_text, body=load.group.place)
 
 
 def with_loads(missing: Missing, logs: MeasuredLogs) -> Missing:

@@ -205,13 +205,15 @@ class Data(OfStructure):
     @cached_property
     def missing(self) -> MissingEffects:
         """Effects that may be missing in the unpruned model."""
-        said = {key: bool(of_key(self.hints, key)) for key in ("commands", "irregular")}
+        commanded = bool(of_key(self.hints, "commands"))
+        # Where commands were lost.
+        irregular = bool(of_key(self.hints, "irregular"))
         return find_missing(
             self.structure,
             self.regression,
             self.unseen,
-            commanded=said["commands"],
-            irregular=said["irregular"],
+            commanded=commanded,
+            irregular=irregular,
         )
 
     @cached_property
@@ -996,7 +998,7 @@ def state_gains(share: Share, joints: Sequence[str]) -> dict[str, float]:
 
 
 def _describe_misread(shares: Sequence[Share], joints: Sequence[str]) -> Finding:
-    """Return which columns seem to be misread, with the gains that correct a wrong scale."""
+    """Return a doubt about columns, with the gains that correct a wrong scale of their torque."""
     scales = [s for s in shares if s.term.group.family == TorqueScale.name]
     gains = {joint: gain for s in scales for joint, gain in state_gains(s, joints).items()}
     what = [describe_term(s.term) for s in shares]

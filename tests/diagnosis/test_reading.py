@@ -145,6 +145,18 @@ def test_a_load_of_one_log_is_no_offset_that_differs():
     assert found.load.startswith("loaded seems to carry 20.")
 
 
+def test_a_load_whose_mass_no_motion_shows_is_stated_without_it(tmp_path):
+    """A body that turns about one axis shows its moment, and not its mass."""
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="arm"><joint name="j" axis="0 1 0"/><inertial pos="0.2 0 0" '
+        'mass="2" diaginertia="0.02 0.02 0.02"/></body></worldbody>'
+        '<actuator><motor joint="j"/></actuator></mujoco>'
+    )
+    logs = [record(path, seed=k, payload=p)[1] for k, p in ((1, 0.0), (2, 1.0))]
+    assert "another load at arm than" in look(Robot.load(path), *logs).load
+
+
 @pytest.mark.parametrize(("name", "masses"), [("two-link", 1.0), ("six-dof-arm", 3.0)])
 def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masses):
     robot, log = record(name, masses=masses)

@@ -390,7 +390,7 @@ def name_missing(looked: Naming) -> Naming:
 
     Left-out blocks of the fitted rows decide in which joints each confirmed effect acts. Once other
     terms are removed, a name may be far less probable than an alternative. The alternative replaces
-    it if the same rows confirm that one, and it gains no less on unseen rows.
+    it if the same rows confirm the alternative, and it gains at least as much on unseen rows.
     """
     looked, found = _search(looked)
     judged, gone = _judge(looked, found), set[tuple[str, str]]()
@@ -400,7 +400,7 @@ def name_missing(looked: Naming) -> Naming:
             break
         new = {t.key for t in better} - judged.keys
         other = _judge(judged.naming, better)
-        if new <= other.keys and _gains_no_less(other, judged):
+        if new <= other.keys and _gains_as_much(other, judged):
             judged = other
         gone |= new
     looked, kept = judged.naming, judged.terms
@@ -425,8 +425,8 @@ def _judge(looked: Naming, found: Terms) -> Judged:
     return Judged(replace(looked, refuted=refuted, possible=possible), kept, gains, places)
 
 
-def _gains_no_less(one: Judged, other: Judged) -> bool:
-    """Whether names of one alone gain no less on unseen rows than names of the other alone."""
+def _gains_as_much(one: Judged, other: Judged) -> bool:
+    """Whether names of one alone gain at least as much on unseen rows as those of the other."""
     own = sum(one.unseen.get(key, 0.0) for key in one.keys - other.keys)
     others = sum(other.unseen.get(key, 0.0) for key in other.keys - one.keys)
     return own >= others
