@@ -99,8 +99,8 @@ def _state_load(logs: MeasuredLogs, model: MixedModel, others: Terms, load: Term
         log, mass = 1 - log, -mass  # of two logs the other one carries it
     load_text = phrase("log_load", "another")
     if abs(mass) > REACH * sd:
-        more = phrase("log_load", "more" if mass > 0 else "less")
-        load_text = f"{measured(abs(mass), sd, 'kg')} {more}"
+        part = "more" if mass > 0 else "less"
+        load_text = phrase("log_load", part, mass=measured(abs(mass), sd, "kg"))
     return Finding("log_load", logs.samples[log].name, load=load_text, body=load.group.place)
 
 
