@@ -589,8 +589,8 @@ def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, fra
     shares = {"link1": 0.2, "link2": 0.2}
     found = fit_rollouts(unstated, [log], shares)
     loose = found.covariance.copy()
-    assert 0.1 < np.sqrt(loose[3, 3]) < 0.2  # as bodies are
-    loose[3, 3] = 1.0  # of the logarithm of the elbow's gain
+    assert 0.1 < np.sqrt(loose[5, 5]) < 0.2  # as bodies are
+    loose[5, 5] = 1.0  # of the logarithm of the elbow's gain
     said = state_gains(unstated, [log.name], replace(found, covariance=loose), shares)
     assert "do not determine the gain of elbow" in said
     assert "kp of shoulder" in said
@@ -655,7 +655,7 @@ def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, bare):
     late, q = roll_delayed(CommandedRobot(known, TRUTH), log)
     assert abs(found.delays[0] - late) < 1e-4
     assert np.all(found.errors < 1.1 * np.sqrt(np.mean((q - log.q) ** 2, axis=0)))
-    most = np.minimum(3 * np.sqrt(np.diag(found.covariance))[:2], 0.1 * servo.kv)
+    most = np.minimum(3 * np.sqrt(np.diag(found.covariance))[2:4], 0.1 * servo.kv)
     assert np.all(np.abs(found.numbers["kv"] - servo.kv) < most)
 
 

@@ -61,8 +61,8 @@ class Servo:
         Play between the measured motors and their loads; empty for none.
     ki : (n,) [N·m/(rad·s) or N/(m·s)]
         Integral gains; NaN if they are to be fitted, and empty for none.
-    doubt : (g, 2 n)
-        Changes of kp (relative) and kv for each of g independent errors of one standard deviation.
+    doubt : (g, 3 n)
+        Changes of ki, kv and log kp for each of g independent errors of one standard deviation.
     """
 
     kp: Array
@@ -180,8 +180,11 @@ class Servo:
         Gains that logs determined are off by `doubt`. A measurement may have any age up to twice
         the assumed one.
         """
-        each = [np.split(doubt, 2) for doubt in self.doubt]
-        gains = [replace(self, kp=self.kp * (1 + share), kv=self.kv + more) for more, share in each]
+        each = [np.split(doubt, 3) for doubt in self.doubt]
+        gains = [
+            replace(self, ki=self.integral + ki, kv=self.kv + kv, kp=self.kp * (1 + share))
+            for ki, kv, share in each
+        ]
         slower = self.rate / (1 + 1 / np.sqrt(3))
         older = replace(self, rate=slower)
         if self.assumed:

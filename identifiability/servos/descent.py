@@ -290,13 +290,15 @@ def conclude(problem: RolloutProblem, end: SearchEnd) -> Rollouts:
     n = len(problem.trees)
     over = problem.over
     numbers, delays = problem.unpack(x)
-    gains = slice(over.size - 2 * n, over.size)
+    gains = slice(over.size - 3 * n, over.size)
     covariance = uncertainty(problem, end)
-    # From kv over kp, and log kp, to kv and log kp.
-    log_kp = x[gains][n:]
-    last = np.append(over[-2] * log_kp, np.zeros(n))
+    # From ki and kv over kp, and log kp, to ki, kv and log kp.
+    log_kp = x[gains][2 * n :]
+    of_kp = over[-3:-1]
+    last = np.append(of_kp * log_kp, np.zeros(n))
     to_gains = np.diag(np.exp(last))
-    to_gains[range(n), range(n, 2 * n)] = over[-2] * numbers["kv"]
+    ratios = of_kp * [numbers["ki"], numbers["kv"]]
+    to_gains[: 2 * n, 2 * n :] = np.vstack([np.diag(row) for row in ratios])
     unsure = np.sqrt(np.diag(covariance))
     delay_errors = unsure[problem.delays] * problem.varied[problem.delays]
     return Rollouts(

@@ -99,14 +99,13 @@ def state_gains(
     assert robot.servo is not None
     asked = robot.servo
     servo = asked.having(found.numbers)
-    kv_sd, log_kp_sd = np.split(np.sqrt(np.diag(found.covariance)), 2)
+    ki_sd, kv_sd, log_kp_sd = np.split(np.sqrt(np.diag(found.covariance)), 3)
     problem = found.search[0]
     moves = problem.moves.any(0)
     is_told = log_kp_sd <= UNTOLD
     new_kp = np.isnan(asked.kp) & moves & is_told
     new_kv = np.isnan(asked.kv) & (servo.kv > 0) & moves
     new_ki = np.isnan(asked.integral) & moves
-    ki_sd = found.unsure[problem.at("ki")]
     of_kp = _list_gains("kp", robot, servo.kp, log_kp_sd * servo.kp, new_kp)
     of_kv = _list_gains("kv", robot, servo.kv, kv_sd, new_kv)
     of_ki = _list_gains("ki", robot, servo.integral, ki_sd, new_ki)

@@ -37,8 +37,8 @@ class Rollouts:
         Errors as shares of the explicable motion (`positions.explicable`).
     delay_errors : (L,) [s]
         Standard deviations of the delays; zero where they are known.
-    covariance : (2 n, 2 n)
-        Of kv and log kp.
+    covariance : (3 n, 3 n)
+        Of ki, kv and log kp.
     unsure : (p,)
         Standard deviations of the vector of the search.
     search : tuple

@@ -393,10 +393,15 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         late = rolled.delay_errors
         count = len(rolled.delays)
         told = {"delay": (rolled.delays.mean(), np.linalg.norm(late) / count)}
-        kv, kp = np.linalg.norm(np.reshape(servo.doubt, (-1, 2, len(joints))), axis=0)
-        for kind, own, sd in (("kv", servo.kv, kv), ("kp", servo.kp, kp * servo.kp)):
+        ki, kv, kp = np.linalg.norm(np.reshape(servo.doubt, (-1, 3, len(joints))), axis=0)
+        gains = {
+            "ki": (servo.integral, ki),
+            "kv": (servo.kv, kv),
+            "kp": (servo.kp, kp * servo.kp),
+        }
+        for kind, pair in gains.items():
             names = [f"{joint}.{kind}" for joint in joints]
-            told |= zip(names, zip(own, sd, strict=True), strict=True)
+            told |= zip(names, zip(*pair, strict=True), strict=True)
         return {name: (float(x), float(sd)) for name, (x, sd) in told.items() if sd > 0}
 
     @presented
