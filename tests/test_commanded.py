@@ -44,6 +44,8 @@ from identifiability.servos import (
     state_gains,
     state_standing,
 )
+from identifiability.servos.start import balance_torque
+from identifiability.servos.windows import cut_windows
 from identifiability.simulation.rollout import CommandedRobot
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
@@ -228,18 +230,24 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     moves = [servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng) for _ in range(2)]
     logs = [servos.record(arm, TRUTH, x, 8.0, how, rng, own) for x in moves]
     shutil.copy(arm.path, tmp_path / "arm.xml")
-    said = arm.path.with_suffix(".toml").read_text().replace("[servo]", '[servo]\nki = "fit"')
-    (tmp_path / "arm.toml").write_text(said)
+    said = arm.path.with_suffix(".toml").read_text()
+    unknown = re.sub("(?m)^kp = .*$", 'kp = "fit"\nki = "fit"', said)
+    (tmp_path / "arm.toml").write_text(unknown)
     robot = Robot.load(tmp_path / "arm.xml")
     with pytest.raises(IdentifiabilityError, match="follow positions alone"):
         analyze(robot, logs[0].assign(**{"shoulder.dq_cmd": 0.0, "elbow.dq_cmd": 0.0}))
+    windows, machine = cut_windows([read(robot, logs[0])]), CommandedRobot(arm, TRUTH, own)
+    assert balance_torque(machine, robot.servo, windows, 0.0)[1]  # gravity tells no gain here
     result = analyze(robot, logs[0], quick=True)
-    assert_allclose(result.robot.servo.ki, own.ki, rtol=0.05)
+    found = result.robot.servo
+    assert_allclose(found.ki / found.kp, 2.0, rtol=0.05)
+    for joint, ki in zip(arm.joints, own.ki, strict=True):  # bodies tell the scale within 20 %
+        value, sd = result.fit.servo[f"{joint}.ki"]
+        assert abs(value - ki) < 2 * sd < 0.4 * ki
     frame = result.to_frame()
     assert "identifiable" not in frame[frame.name.str.endswith(".off")].verdict.tolist()
     rolled = predict(robot, result.to_json(tmp_path / "result.json"), logs[1], forward=True)
     log = read(robot, logs[1])
-    machine = CommandedRobot(arm, TRUTH, own)
     delay, best = roll_delayed(machine, log)
     (part,) = machine.roll_all([log.rows(400, 800)], None, [delay], sources=[log])
     assert np.std((part - best[400:])[75:], axis=0).max() < 4e-4  # 1.5e-3 if it starts at rest

@@ -148,7 +148,9 @@ def balance_torque(
     # Gravity that moves a joint by less than the noise of positions does not determine its gain.
     turned = slope[3] * np.sqrt(np.mean(gravity**2, axis=0))
     noise = [encoder_noise(window.rows) for window in windows]
-    told = unknown & (turned > np.max(noise, axis=0))
+    # An integral replaces the error of position that gravity needs.
+    integrates = np.isnan(servo.integral) | (servo.integral > 0)
+    told = unknown & (turned > np.max(noise, axis=0)) & ~integrates
     gains = np.where(told, 1 / or_one(slope[3]), np.nan)
     usual = float(np.nanmedian(gains)) if told.any() else 1.0
     gains = np.where(unknown, np.where(told, gains, usual), servo.kp)
