@@ -104,7 +104,10 @@ def counted(monkeypatch):
     return counts
 
 
-@pytest.mark.parametrize("first", VERBS)
+@pytest.mark.parametrize(
+    "first",
+    [pytest.param("analyze", marks=pytest.mark.everything), "diagnose", "prune"],
+)
 def test_verbs_of_one_case_prepare_gather_and_group_once(two_logs, counted, first):
     robot, logs = two_logs
     case = Case(robot, logs[:1], logs[1])

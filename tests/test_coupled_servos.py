@@ -89,7 +89,13 @@ def record(true, seed, seconds):
 
 @pytest.mark.parametrize(
     ("kind", "gains"),
-    [("joint", ""), ("joint", FIT), ("mimic", ""), ("tendon", ""), ("tendon", FIT)],
+    [
+        ("joint", ""),
+        pytest.param("joint", FIT, marks=pytest.mark.everything),
+        ("mimic", ""),
+        ("tendon", ""),
+        ("tendon", FIT),
+    ],
 )
 def test_a_finger_that_follows_is_fitted_rolled_out_and_exported(tmp_path, kind, gains):
     path, true = write_finger(tmp_path, kind, gains)

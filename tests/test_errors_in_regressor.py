@@ -50,7 +50,9 @@ def count(robot, log):
     return np.array([len(called), held.sum(), off.sum()])
 
 
-@pytest.mark.parametrize("kind", ["multiplicative", "additive"])
+@pytest.mark.parametrize(
+    "kind", ["multiplicative", pytest.param("additive", marks=pytest.mark.everything)]
+)
 def test_labels_hold_along_ten_noisy_periods(simulated_session, kind):
     """Along the motion as measured they held in .76, and 9 of 56 were more than 20 % off."""
     once = simulated_session("3-rps", "601", noise=Noise())

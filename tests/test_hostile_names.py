@@ -192,7 +192,12 @@ def typed(body):
 
 
 @pytest.mark.parametrize(
-    "joints", [NAMES[0], NAMES[1], pytest.param(NAMES[2], marks=pytest.mark.pictures)]
+    "joints",
+    [
+        NAMES[0],
+        pytest.param(NAMES[1], marks=pytest.mark.everything),
+        pytest.param(NAMES[2], marks=pytest.mark.pictures),
+    ],
 )
 def test_names_run_nowhere_and_break_nothing(joints, tmp_path, shell, monkeypatch):
     folder = tmp_path / "work"

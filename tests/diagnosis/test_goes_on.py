@@ -40,7 +40,13 @@ def test_the_model_file_of_a_diagnosis_is_analysed_and_exported(diagnosis_of, lo
     assert held.robot.shapes == pytest.approx(result.shapes)
 
 
-@pytest.mark.parametrize(("name", "of"), [("3-rps", "Model 3"), ("six-dof-arm", "full model")])
+@pytest.mark.parametrize(
+    ("name", "of"),
+    [
+        ("3-rps", "Model 3"),
+        pytest.param("six-dof-arm", "full model", marks=pytest.mark.everything),
+    ],
+)
 def test_a_diagnosis_ends_with_the_model_that_analyze_selects(name, of, tmp_path):
     case = Case(name, [MODELS / name / "logs" / f"run{k}.csv" for k in (1, 2, 3)])
     d = diagnose(case, quick=True)
