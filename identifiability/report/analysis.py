@@ -111,8 +111,11 @@ def section_values(result: Laddered[Any], parameters: str) -> Section | None:
     values = joint_values(result, parameters)
     if result.nothing or values is None:
         return None
-    more = any(cell.more for row in values.rows for cell in row)
-    return section("analysis.values", values, opened=sentence("values", "opened") if more else "")
+    cells = [cell for row in values.rows for cell in row]
+    opened = sentence("values", "opened") if any(cell.more for cell in cells) else ""
+    other = any("≠" in cell.note for cell in cells)
+    differs = sentence("values", "excluded") if other else ""
+    return section("analysis.values", values, opened=opened, differs=differs)
 
 
 INERTIAL_KEY = (
@@ -307,6 +310,8 @@ def _how(analysis: Analysis) -> Section:
     robot = analysis.robot
     logs = [("fitted", s) for s in analysis.samples]
     logs += [("held out", s) for s in analysis.validation]
+    seen = analysis.information.samples
+    kept = sum(log.survey.kept for log in analysis.samples)
     rows = [(k, v) for k, v in analysis.provenance.items() if not k.startswith("sha256")]
     rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
     rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in logs]
@@ -315,7 +320,8 @@ def _how(analysis: Analysis) -> Section:
         make_table("prepared", [_log_row(use, s) for use, s in logs]),
         Fold(sentence("analysis.thresholds"), (Terms(GLOSSARY),)),
         Fold(sentence("analysis.provenance"), (make_table("provenance", rows),)),
-        seen=analysis.information.samples,
+        seen=seen,
+        thinned=sentence("analysis.windows", "thinned", rows=kept) if seen < kept else "",
         estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
         out=len(analysis.held_out.log),
         kind=analysis.validation_kind,

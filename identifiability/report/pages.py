@@ -133,11 +133,12 @@ def comparison_moving(result: Comparison) -> Moving | None:
 
 def comparison_sections(result: Comparison) -> list[Section | None]:
     """Return the sections of the page."""
-    tables = [table for table in result.tables() if table.rows]
+    *changed, limits = result.tables()
     course = _sessions(result)
     return [
-        section("comparison.changes", *tables) if tables else None,
+        section("comparison.changes", *changed) if changed else None,
         section("comparison.course", course) if course else None,
+        section("comparison.limits", limits) if limits.rows else None,
     ]
 
 
@@ -492,7 +493,7 @@ def _robot(result: Inspection) -> list[Section]:
     base = result.base
     groups = zip(base.names, base.units, base.labels, strict=True)
     joint_section = section("inspection.joints", phrase("needs", "naming"), joints)
-    effects = ", ".join(result.effects).replace("_", " ")
+    effects = ", ".join(result.effects).replace("_", " ").replace("coulomb", "Coulomb")
     parameters = section(
         "inspection.parameters",
         make_table("grouped", groups),
@@ -524,7 +525,7 @@ def _robot(result: Inspection) -> list[Section]:
 def payload_heading(result: Load) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
     logs = join(shorten_paths(result.logs), 3)
-    return "Payload report", f"{result.robot.path.name} · {result.model} · {logs}"
+    return "Payload report", f"{result.robot.path.name} · {_name_model(result.model)} · {logs}"
 
 
 def payload_moving(result: Load) -> Moving | None:
@@ -568,7 +569,13 @@ def payload_sections(result: Load) -> list[Section | None]:
 
 def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    return "Predicted torque", f"{result.robot.path.name} · {result.fit.submodel.name}"
+    model = _name_model(result.fit.submodel.name)
+    return "Predicted torque", f"{result.robot.path.name} · {model}"
+
+
+def _name_model(name: str) -> str:
+    """Return the name of a model for the head of a page."""
+    return f"model {name}" if name.startswith("without ") else name
 
 
 def prediction_moving(result: TorquePrediction) -> Moving | None:

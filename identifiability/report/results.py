@@ -167,7 +167,7 @@ def set_symbols(text: str) -> Markup:
     """Escape a text, set indices of Greek symbols low (``ε_RA``), keep ``5 %`` on one line.
 
     Numbers in sentences of the terminal are typeset for the page: ``-2e-05`` becomes ``−2·10⁻⁵``.
-    Words between backticks become code.
+    Words between backticks become code. A value that differs (≠) becomes bold.
 
     Examples
     --------
@@ -182,6 +182,7 @@ def set_symbols(text: str) -> Markup:
     escaped = re.sub(r"(?<=[\d)]) (?=[%σ×]|N·|N\b|mrad|mm)", "\u00a0", escaped)
     escaped = re.sub(r" ± (?=\d)", "\u00a0±\u00a0", escaped)
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
+    escaped = re.sub(r"≠ file −?[\d.]+", r"<b>\g<0></b>", escaped)
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.verdict import Flag
+from identifiability.estimation.verdict import Class, Flag, Verdict
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.rounding import measured, stated_text
 from identifiability.physical.cad_prior import mass_rows
@@ -49,6 +49,16 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     return Table.of(sentence("values", caption, section=parameters), columns, rows)
 
 
+def _find_part(verdict: Verdict) -> str:
+    """Return which words the file's value gets: "unstated", "other" if the interval excludes it."""
+    file = verdict.nominal
+    if not file:
+        return "unstated"
+    low, high = verdict.interval95
+    known = verdict.verdict is not Class.NOT_IDENTIFIABLE
+    return "other" if known and (file < low or file > high) else "file"
+
+
 class _ModelRows:
     """Cells of the parameters of the model to use."""
 
@@ -72,8 +82,7 @@ class _ModelRows:
             return Cell("–", np.nan, self._explain_absence(name))
         verdict, used, why = self.known[name]
         sigma = verdict.sigma_label
-        part = "file" if verdict.nominal else "unstated"
-        file = sentence("values", part, value=stated_text(verdict.nominal, sigma))
+        file = sentence("values", _find_part(verdict), value=stated_text(verdict.nominal, sigma))
         effect = self.effects.get(name)
         doubted = effect and Flag.IN_DOUBT in verdict.flags
         lacks = "lacks" if effect in self.lacked else "may lack"

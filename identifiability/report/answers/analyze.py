@@ -558,8 +558,9 @@ def _order_commands(
 def model_title(result: ModelResult) -> str:
     """Return the name of a model inside a sentence."""
     name = result.name
+    about = result.submodel.description.rstrip(".")
     if "model" in name.lower():
-        return name
+        return f"{name} ({about})" if about else name
     return f"the model {name}" if name.startswith("without ") else f"“{name}”"
 
 
@@ -574,7 +575,8 @@ def possible_cell(m: ModelResult) -> Cell:
     about = "laddered.tables"
     near = sentence(about, "near", error=m.unseen_by(1))
     if m.feasible:
-        return Cell("yes", 2.0, badge="pass")
+        checked = m.physical is not None
+        return Cell("yes" if checked else "signs ok", 2.0, badge="pass" if checked else "not checked")
     if m.infeasible:
         text = sentence(about, "sign", names=m.infeasible, near=near)
         return Cell("no", 0.0, text, "differs")

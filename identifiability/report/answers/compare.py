@@ -274,7 +274,8 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     for k, name in enumerate(change.names):
         if k and abs(change.sizes[k]) <= REACH * change.sd[k]:
             continue
-        yield Cell(name, note="" if k else _title(change)), *_state_number(change, k), *more
+        what = Cell(name) if k else Cell(capital(change.what), note=name)
+        yield what, *_state_number(change, k), *more
         more = "", probability, "", ""
 
 
@@ -332,7 +333,7 @@ def _answer_trust(result: Comparison) -> Answer:
     about = "comparison.trust"
     if not result.lacks:
         return answer(about, "logs", "", "amber")
-    lacks = [name.replace("an unnamed", "a") for name in result.lacks]
+    lacks = [name.replace("an unnamed function of", "a torque that depends on") for name in result.lacks]
     return answer(about, "lacks", sentence(about, "allowed"), "amber", lacks=lacks)
 
 

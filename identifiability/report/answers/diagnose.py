@@ -74,13 +74,11 @@ class DiagnosisPresenter(PredictingPresenter):
         result = self.result
         missing = after_mass(_answer_missing(result), result.mass_warning)
         question = sentence("diagnosis.residual", "question")
-        scale = sentence("quality", "scale")
-        error = self.answer_error(scale, result.unexplained, question=question)
-        uses = error.text.removeprefix(scale).lstrip()
+        error = self.answer_error("", result.unexplained, question=question)
         # The answer above states the error: this one is headed by the uses, if no joint stands out.
-        if result.moved is None and uses != error.text and "; " not in error.short:
+        if result.moved is None and error.text and "; " not in error.short:
             question = sentence("diagnosis.residual", "uses")
-            error = Answer(question, uses, f"{error.short} {scale}", error.tone, more=error.more)
+            error = replace(error, question=question, short=error.text, text=error.short)
         error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending

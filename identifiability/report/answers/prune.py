@@ -64,12 +64,13 @@ class LadderPresenter(LadderedPresenter):
         wrong = chosen.infeasible
         used = len(chosen)
         part = "some" if used < size else "all"
-        why = _state_choice(result) if used < size else ""
-        found = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
+        why, rule = _state_choice(result) if used < size else ("", "")
+        known = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
-        text = join_sentences(why, _state_dropped(result), found, signs, state_nearest(chosen))
+        text = join_sentences(why, _state_dropped(result), known, signs, state_nearest(chosen))
         tone = "green" if is_nearly_real(chosen) else "amber"
-        return answer(about, part, text, tone, size=size, used=used)
+        found = answer(about, part, text, tone, size=size, used=used)
+        return replace(found, more=rule)
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and whether the choice is stable."""
@@ -78,18 +79,18 @@ class LadderPresenter(LadderedPresenter):
         yield note("stable" if weight > 0.5 else "unstable", weight=weight)
 
 
-def _state_choice(result: Ladder) -> str:
-    """Return the rule by which the model to use was chosen, with its numbers."""
+def _state_choice(result: Ladder) -> tuple[str, str]:
+    """Return why the model to use was chosen, and the rule behind it with its numbers."""
     chosen = result.chosen
     best = result.models[result.least]
     if len(chosen) == len(best):
-        return sentence("pruning.choice", "best")
+        return sentence("pruning.choice", "best"), ""
     lower = best.density - chosen.density
     part = "physical"
     if may_stand(chosen.step.score, best.step.score):
         part = "near" if lower <= LEVELS.nats else "rise"
     rule = sentence("pruning.choice", part, lower=lower, nats=LEVELS.nats, rise=LEVELS.rise)
-    return sentence("pruning.choice", "smallest", best=len(best), rule=rule)
+    return sentence("pruning.choice", "smallest", best=len(best)), rule
 
 
 def _state_dropped(result: Ladder) -> str:

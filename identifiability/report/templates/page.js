@@ -20,6 +20,18 @@ function sortTable(header) {
   const key = (row) => row.cells[column].dataset.key ?? row.cells[column].textContent.trim();
   rows.sort((a, b) => compare(key(a), key(b), sign));
   body.append(...rows);
+  countHidden(table.closest(".table"));
+}
+
+// Where rows are folded, the row above says how many.
+function countHidden(table) {
+  const rows = [...table.querySelectorAll("tbody tr")];
+  const hidden = rows.map((row) => getComputedStyle(row).display === "none");
+  for (const [k, row] of rows.entries()) {
+    const end = hidden.indexOf(false, k + 1), count = (end < 0 ? rows.length : end) - k - 1;
+    const text = `\u22ee ${count} ${count > 1 ? "models" : "model"} ${end < 0 ? "below" : "between"}`;
+    row.cells[0].dataset.folded = count && !hidden[k] ? text : "";
+  }
 }
 
 // Chips that are pressed say which rows are shown; none pressed shows all.
@@ -59,7 +71,9 @@ const phone = matchMedia("(max-width: 600px)");
 function fitTable(box) {
   const table = box.parentNode;
   table.classList.remove("cards");
-  const wide = box.scrollWidth > box.clientWidth + 1;
+  // Three values of a joint side by side are too narrow to read on a phone.
+  const values = phone.matches && table.querySelector("td.is-badge ~ td.is-badge ~ td.is-badge");
+  const wide = values || box.scrollWidth > box.clientWidth + 1;
   table.classList.toggle("cards", wide && phone.matches);
   box.classList.toggle("wide", wide && !phone.matches);
 }
@@ -68,6 +82,7 @@ for (const button of document.querySelectorAll(".all-rows")) {
   const table = button.closest(".table");
   const rows = table.querySelectorAll("tbody tr").length;
   table.classList.toggle("short", rows > 12 && document.querySelector(".part") !== null);
+  if (table.querySelector(".marked")) countHidden(table);
   button.addEventListener("click", () => table.classList.add("all"));
 }
 for (const box of document.querySelectorAll(".table-box")) {

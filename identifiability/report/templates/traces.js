@@ -26,7 +26,7 @@ function drawTraces(figure) {
       legend: { live: true },
       axes: [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
-        label: limit(name) && both ? shared : name, class: both && k + 1 === edges[1] ? "upper" : undefined, stroke: limit(name) ? colour("--blue") : paint(name, k), width: name.startsWith("95 %") ? 0.4 : k ? 1.4 : 2.6,
+        label: limit(name) && both ? shared : name, class: both && limit(name) ? (k + 1 === edges[1] ? "upper" : "band") : undefined, stroke: limit(name) ? colour("--blue") : paint(name, k), width: name.startsWith("95 %") ? 0.4 : k ? 1.4 : 2.6,
         value: limit(name) && both ? ends : digits, dash: name.endsWith(" allowed") ? [6, 4] : [],
         points: { show: false },
       }))],
@@ -54,7 +54,7 @@ function drawTraces(figure) {
     show(button);
     // Plots of one section show the same joint.
     for (const twin of button.closest("section").querySelectorAll("[data-trace][aria-pressed=false]")) {
-      if (twin.textContent === button.textContent && twin.checkVisibility()) twin.click();
+      if (twin.textContent === button.textContent && twin.closest("figure").checkVisibility()) twin.click();
     }
   });
   const again = () => show(buttons.find((b) => b.getAttribute("aria-pressed") === "true"));
@@ -66,4 +66,13 @@ function drawTraces(figure) {
   }).observe(box);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
 }
-for (const figure of document.querySelectorAll(".traces")) drawTraces(figure);
+for (const figure of document.querySelectorAll(".traces")) {
+  // A plot below another one of the same joints has no buttons of its own.
+  const before = figure.previousElementSibling;
+  const [chips, above] = [figure, before].map((one) => [...(one?.querySelectorAll("[data-trace]") ?? [])]);
+  if (chips.map((chip) => chip.textContent).join() === above.map((chip) => chip.textContent).join()) {
+    figure.classList.add("follows");
+    for (const [k, chip] of chips.entries()) chip.setAttribute("aria-pressed", above[k].getAttribute("aria-pressed"));
+  }
+  drawTraces(figure);
+}
