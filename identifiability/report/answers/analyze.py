@@ -576,7 +576,9 @@ def possible_cell(m: ModelResult) -> Cell:
     near = sentence(about, "near", error=m.unseen_by(1))
     if m.feasible:
         checked = m.physical is not None
-        return Cell("yes" if checked else "signs ok", 2.0, badge="pass" if checked else "not checked")
+        return Cell(
+            "yes" if checked else "signs ok", 2.0, badge="pass" if checked else "not checked"
+        )
     if m.infeasible:
         text = sentence(about, "sign", names=m.infeasible, near=near)
         return Cell("no", 0.0, text, "differs")

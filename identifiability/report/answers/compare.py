@@ -333,7 +333,9 @@ def _answer_trust(result: Comparison) -> Answer:
     about = "comparison.trust"
     if not result.lacks:
         return answer(about, "logs", "", "amber")
-    lacks = [name.replace("an unnamed function of", "a torque that depends on") for name in result.lacks]
+    lacks = [
+        name.replace("an unnamed function of", "a torque that depends on") for name in result.lacks
+    ]
     return answer(about, "lacks", sentence(about, "allowed"), "amber", lacks=lacks)
 
 
