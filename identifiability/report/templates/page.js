@@ -30,7 +30,7 @@ function countHidden(table) {
   for (const [k, row] of rows.entries()) {
     const end = hidden.indexOf(false, k + 1), count = (end < 0 ? rows.length : end) - k - 1;
     const text = `\u22ee ${count} ${count > 1 ? "models" : "model"} ${end < 0 ? "below" : "between"}`;
-    row.cells[0].dataset.folded = count && !hidden[k] ? text : "";
+    for (const one of [row, row.cells[0]]) one.dataset.folded = count && !hidden[k] ? text : "";
   }
 }
 
