@@ -33,6 +33,13 @@ SIZES = """() => [...document.querySelectorAll("svg text, svg tspan")].map((e) =
   return scale * parseFloat(getComputedStyle(e).fontSize);
 }).filter((size) => size)"""
 
+#: Folded models of a path, and how many the rows above them say.
+FOLDED = """() => {
+  const rows = [...document.querySelectorAll("#ladder tbody tr")];
+  const hidden = rows.filter((row) => getComputedStyle(row).display === "none").length;
+  return [hidden, rows.reduce((sum, row) => sum + (parseInt(row.dataset.folded.slice(1)) || 0), 0)];
+}"""
+
 #: How far the page and each of its tables reach beyond what is shown [px].
 BEYOND = """() => {
   const root = document.documentElement, boxes = [...document.querySelectorAll(".table-box")];
@@ -66,6 +73,12 @@ def test_chips_show_only_the_rows_with_their_verdict(reports, visit):
     assert said == f"{len(some)} of {total} shown"
     assert pressed == "true"
     assert back == total
+
+
+def test_a_page_says_how_many_models_of_a_path_are_folded(reports, visit):
+    with visit(reports["pruning"]) as seen:
+        hidden, said = seen.page.evaluate(FOLDED)
+    assert hidden == said > 0
 
 
 @pytest.mark.parametrize("kind", ["demo", "analysis"])
