@@ -82,7 +82,7 @@ def test_what_the_chosen_model_weighs_among_all_is_said(pruned):
 def test_the_answer_says_by_which_rule_the_model_was_chosen(pruned):
     best = len(pruned.models[pruned.least])
     assert len(pruned.chosen) < best
-    reason = pruned.answers()[0].text
+    reason = pruned.answers()[0].whole
     assert f"best, which has {best}." in reason
     assert f"surely rises by less than {100 * LEVELS.rise:g} %" in reason.replace("\u00a0", " ")
 

@@ -274,7 +274,7 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     for k, name in enumerate(change.names):
         if k and abs(change.sizes[k]) <= REACH * change.sd[k]:
             continue
-        what = Cell(name) if k else Cell(capital(change.what), note=name)
+        what = Cell(name, note="" if k else capital(change.what))
         yield what, *_state_number(change, k), *more
         more = "", probability, "", ""
 
