@@ -253,7 +253,7 @@ class PredictingPresenter(AnsweringPresenter):
             tone = "grey"
         uses = sentence("decision.uses", grade)
         if tone != "vermilion" and reserved:
-            uses = sentence("quality", "settled", doubt=reserved, uses=uses)
+            uses = sentence("quality", "settled", doubt=reserved, uses=uses.rstrip("."))
         text = join_sentences(text, uses)
         # A filter makes a difference.
         if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
