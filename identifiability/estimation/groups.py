@@ -680,6 +680,11 @@ class LabelAlternatives:
     names: tuple[str, ...]
     named: np.ndarray
 
+    @staticmethod
+    def none(k: int) -> LabelAlternatives:
+        """Return that no group may be missing, for k values."""
+        return LabelAlternatives(np.zeros(k), np.zeros(k), ("",) * k, np.zeros(k, bool))
+
 
 NO_MISSING_EFFECTS = MissingEffects((), ())
 

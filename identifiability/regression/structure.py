@@ -13,6 +13,7 @@ from scipy.linalg import null_space
 
 from identifiability.effects import FAMILIES
 from identifiability.effects.measurement import TorqueOffset
+from identifiability.effects.springs import GravitySpring
 from identifiability.foundation.errors import ModelError, listing
 from identifiability.foundation.linalg import (
     RANK_TOLERANCE,
@@ -410,6 +411,34 @@ def count_offsets(structure: Structure) -> Structure:
         return structure
     counted = Model.of(*model.texts, f"{TorqueOffset.name}@{'+'.join(folded)}")
     return Structure.of(robot, replace(counted, random=model.random))
+
+
+def mimic_springs(structure: Structure) -> dict[str, Array]:
+    """Return the changes (b, k) of base parameters that act as springs at a joint in any motion.
+
+    About a joint whose axis keeps its tilt, a first moment makes ``τ = ks sin q + kc cos q`` as a
+    gravity spring of 1 N·m does. A joint has up to two such changes.
+    """
+    robot = structure.robot
+    present = {place for name, place in structure.present if name == GravitySpring.name}
+    turning = [a.name for a in robot.axes if not a.prismatic and a.name not in present]
+    if not turning:
+        return {}
+    springs = Model.of("rigid_body", f"{GravitySpring.name}@{'+'.join(turning)}")
+    alone = Structure.of(robot, springs)
+    own = [p.group == GravitySpring.name for p in alone.parameters]
+    kept = [alone.columns.index(name) for name in alone.base.names]
+    of_springs = np.take(own, kept)
+    moments = structure.G[
+        :, [structure.columns.index(alone.columns[k]) for k in kept if not own[k]]
+    ]
+    found = dict[str, Array]()
+    for joint in turning:
+        at = [k for k, p in enumerate(alone.parameters) if own[k] and p.owner == joint]
+        at = [k for k in at if not alone.G[of_springs, k].any()]
+        if at:
+            found[joint] = moments @ alone.G[~of_springs][:, at]
+    return found
 
 
 def list_asked_effects(structure: Structure) -> tuple[str, ...]:

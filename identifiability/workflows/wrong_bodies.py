@@ -2,12 +2,15 @@
 
 All values of a file err by a share that its fit tells. A wrong body errs by more. Each body is two
 hypotheses: any of its ten values is wrong, or only its mass and its inertia about its centre are.
-Wrong torque constants compete with them.
+Wrong torque constants compete with them, and springs whose torque is that of a body in any motion.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import field
 from functools import partial
+from typing import Literal
 
 import numpy as np
 from scipy.linalg import null_space, solve_triangular
@@ -20,14 +23,14 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import ball
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, mimic_springs
 
 from .predict import Fit
 from .torque_scale import FILE_ERRORS, LOG_PRIOR
 
-#: A body and whether only its mass and inertia are wrong; no body of wrong torque constants.
-Hypothesis = tuple[str, bool]
-CONSTANTS: Hypothesis = ("", False)
+#: Where the cause is, and what it is: any value of a body or its mass, a spring, torque constants.
+Hypothesis = tuple[str, Literal["other", "mass", "spring", "constants"]]
+CONSTANTS: Hypothesis = ("", "constants")
 
 
 @frozen
@@ -36,14 +39,17 @@ class WrongBodies:
 
     Attributes
     ----------
-    hypotheses : tuple of (str, bool)
+    hypotheses : tuple of (str, str)
     change, sd : float
         Mass of the first body relative to the file's, minus one, with its standard error.
+    springs : mapping of str to (b,)
+        Change of the base parameters by the likeliest spring at each joint of the hypotheses.
     """
 
     hypotheses: tuple[Hypothesis, ...] = ()
     change: float = 0.0
     sd: float = np.inf
+    springs: Mapping[str, Array] = field(default_factory=dict)
 
 
 def find_wrong_bodies(fit: Fit) -> WrongBodies:
@@ -57,8 +63,15 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
     if not (len(off) and shapes):
         return WrongBodies()
     noise = towards @ covariance @ towards.T + ROUNDOFF * np.eye(len(off))
-    errors = sum(x @ x.T for (_, scaled), x in shapes.items() if not scaled)
+    errors = sum(x @ x.T for (_, kind), x in shapes.items() if kind == "other")
     roots = [np.linalg.cholesky(noise + share**2 * errors) for share in FILE_ERRORS]
+    far = np.abs(off) > RULES.contradicted * np.sqrt(np.diag(noise))
+    springs = mimic_springs(structure) if far.any() else {}
+    for joint, changes in springs.items():
+        length = np.linalg.norm(_whiten(roots[-1], towards @ changes), axis=0)
+        # The errors of all bodies together change values as much as a spring of size 1.
+        springs[joint] = changes / or_one(FILE_ERRORS[-1] * length)
+        shapes[joint, "spring"] = towards @ springs[joint]
     evidence = {key: _weigh(off, roots, x, FILE_ERRORS) for key, x in shapes.items()}
     # Wrong constants scale all values; a scale of zero is the file with its usual errors.
     weigh = partial(_weigh, off, roots, stated[:, None])
@@ -68,11 +81,26 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
     best, *rest = sorted(odds, key=lambda key: -odds[key])
     if best == CONSTANTS or odds[best] < np.log(len(odds)) + RULES.name + RULES.keep:
         return WrongBodies()
-    near = [key for key in rest if odds[key] > odds[best] - RULES.rival]
-    root = roots[int(evidence[best].argmax())]
-    scale, white = (solve_triangular(root, x, lower=True) for x in (shapes[best[0], True], off))
-    mass = Normal.of(scale.T @ scale + np.eye(2) / FILE_ERRORS[-1] ** 2, scale.T @ white)
-    return WrongBodies((best, *near), float(mass.value[0]), float(np.sqrt(mass.covariance[0, 0])))
+    likely = (best, *(key for key in rest if odds[key] > odds[best] - RULES.rival))
+
+    def sizes_of(key: Hypothesis) -> Normal:
+        root = roots[int(evidence[key].argmax())]
+        white = _whiten(root, shapes[key])
+        prior = np.eye(white.shape[1]) / FILE_ERRORS[-1] ** 2
+        return Normal.of(white.T @ white + prior, white.T @ _whiten(root, off))
+
+    changed = {
+        at: springs[at] @ sizes_of((at, kind)).value for at, kind in likely if kind == "spring"
+    }
+    if best[1] == "spring":
+        return WrongBodies(likely, springs=changed)
+    mass = sizes_of((best[0], "mass"))
+    return WrongBodies(likely, float(mass.value[0]), float(np.sqrt(mass.covariance[0, 0])), changed)
+
+
+def _whiten(root: Array, x: Array) -> Array:
+    """Return values x (n, k) in units of errors whose covariance has a lower factor (n, n)."""
+    return np.asarray(solve_triangular(root, x, lower=True))
 
 
 def _find_determined(fit: Fit) -> Array:
@@ -99,8 +127,8 @@ def _list_errors(structure: Structure, A: Array) -> dict[Hypothesis, Array]:
         if theta[9] > 0:
             body = stem.removesuffix(".")
             point = ball(theta, 0.0, 0.0)
-            found[body, False] = A[:, columns] * entry_scale(*natural_scale(theta[None]))
-            found[body, True] = A[:, columns] @ np.column_stack([point, theta - point])
+            found[body, "other"] = A[:, columns] * entry_scale(*natural_scale(theta[None]))
+            found[body, "mass"] = A[:, columns] @ np.column_stack([point, theta - point])
     return found
 
 
@@ -119,7 +147,7 @@ def _weigh(off: Array, roots: list[Array], shape: Array, sizes: Array) -> Array:
     """
     found = []
     for root in roots:
-        white = solve_triangular(root, np.column_stack([shape, off]), lower=True)
+        white = _whiten(root, np.column_stack([shape, off]))
         axes, lengths, _ = np.linalg.svd(white[:, :-1], full_matrices=False)
         grown = 1.0 + np.outer(sizes, lengths) ** 2
         explained = (white[:, -1] @ axes) ** 2 * (1.0 - 1.0 / grown) - np.log(grown)

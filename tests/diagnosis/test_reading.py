@@ -195,6 +195,17 @@ def test_a_torque_offset_that_the_model_lacks_blames_no_body(arm):
     assert not any("than stated" in said for said in found.warnings)
 
 
+def test_a_spring_that_acts_as_a_body_in_any_motion_is_told_with_that_body(logs_of):
+    logs = logs_of("two-link", "gravity_spring@shoulder=0.5")
+    found = analyze("two-link", logs[:2], logs[2:3], replicates=0)
+    (said,) = found.warnings
+    assert "shoulder has a spring or counterweight or link1 has another mass" in said
+    assert "σ" not in said
+    row = found.to_frame().set_index("name").loc["link1.mx"]
+    assert row.verdict == "sign only"
+    assert row.lower < 2.05 < row.upper
+
+
 def test_a_zero_of_the_first_encoder_is_named_with_the_tilt_that_acts_as_it_does():
     robot, log = record("two-link")
     found = look(robot, replace(log, q=log.q + np.array([0.4, 0.0])))

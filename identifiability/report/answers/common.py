@@ -21,7 +21,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, Level, fill, phrase
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import Presenter
-from identifiability.foundation.rounding import format_number, stated_text
+from identifiability.foundation.rounding import REACH, format_number, stated_text
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import Submodel
@@ -409,6 +409,8 @@ def state_contradicted(
     """
     base = fit.structure.base
     wrong = find_wrong_bodies(fit)
+    for change in wrong.springs.values():
+        sigma = np.hypot(sigma, submodel.inverse @ change / REACH)
     off = np.abs(values - stated)
     size = np.maximum(np.abs(values), np.abs(stated))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -436,18 +438,20 @@ def state_contradicted(
     heavier = wrong.hypotheses[0][0] if wrong.change > 0 else ""
     if heavier in last_bodies(fit.robot):
         advice = phrase("contradicted", "tool", body=heavier)
-    return [Finding("contradicted", values=each, advice=advice)]
+    springs = [place for place, kind in wrong.hypotheses if kind == "spring"]
+    look = phrase("contradicted", "at" if springs else "anywhere", joints=springs)
+    return [Finding("contradicted", values=each, advice=advice, look=look)]
 
 
 def _state_wrong_bodies(wrong: WrongBodies) -> str:
     """Return which body has wrong values, and by how much its mass is wrong."""
-    first = wrong.hypotheses[0][0]
     names = list[str]()
-    for body, scaled in wrong.hypotheses:
-        part = "other" if body else "constants"
-        if scaled and body == first:
+    for place, kind in wrong.hypotheses:
+        part = "other" if kind == "mass" else kind
+        if kind == "mass" and not names:
             part = "heavier" if wrong.change > 0 else "lighter"
-        names.append(phrase("contradicted", part, body=body, share=abs(wrong.change), sd=wrong.sd))
+        holes = {"place": place, "share": abs(wrong.change), "sd": wrong.sd}
+        names.append(phrase("contradicted", part, **holes))
     return " or ".join(dict.fromkeys(names))
 
 

@@ -13,16 +13,18 @@ from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, clip_signs
 from identifiability.estimation.evidence import near_best
 from identifiability.estimation.fit import Fit, find_left_out
-from identifiability.estimation.groups import MissingEffects
+from identifiability.estimation.groups import LabelAlternatives, MissingEffects
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Flag, Verdict, judge, narrow
+from identifiability.estimation.verdict import Class, Flag, Verdict, judge, narrow
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY
+from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
+from identifiability.workflows.wrong_bodies import find_wrong_bodies
 
 from .ladder import ACCOUNTS, FittedLadder, LadderFit
 from .result import Laddered, ModelResult
@@ -132,6 +134,49 @@ def rms_torque(fitted: Prediction) -> float:
 
 
 Answered = TypeVar("Answered", bound=Laddered[Any])
+
+
+def doubt_springs(found: Answered) -> Answered:
+    """Return an answer that doubts values which differ from the file's, if a spring explains it.
+
+    In any motion the spring acts as these values do.
+    """
+    if found.nothing:
+        return found
+    springs = find_wrong_bodies(found.fit).springs
+    if not springs:
+        return found
+    models = list[Any](found.models)
+    for joint, change in springs.items():
+        models = [_doubt_spring(model, joint, model.submodel.inverse @ change) for model in models]
+    return replace(found, models=tuple(models))
+
+
+def _doubt_spring(model: Any, joint: str, shifts: Array) -> Any:
+    """Return a model with doubt of the values that a spring at a joint shifts, by (k,)."""
+    verdicts = list(model.verdicts)
+    alternatives = model.fit.alternatives or LabelAlternatives.none(len(verdicts))
+    names = list(alternatives.names)
+    what = phrase("verdict", "spring", joint=joint)
+    for k, shift in enumerate(shifts.tolist()):
+        v = verdicts[k]
+        if v.verdict is Class.NOT_IDENTIFIABLE or not abs(shift) > v.sigma_label:
+            continue
+        names[k] = what
+        other = v.value - shift
+        same_sign = np.sign(v.value) * other > REACH * v.sigma_label
+        share = v.sigma_label_percent / 100
+        reach = abs(shift) / REACH + v.sigma_label  # the interval holds both values
+        verdicts[k] = replace(
+            v,
+            verdict=Class.SIGN_ONLY if same_sign else Class.NOT_IDENTIFIABLE,
+            flags=(Flag.IN_DOUBT, *v.flags),
+            reason=phrase("verdict", "mimicked", what=what, share=share, value=other),
+            terms={**v.terms, "alternatives": reach},
+        )
+    alternatives = replace(alternatives, names=tuple(names))
+    fit = replace(model.fit, alternatives=alternatives)
+    return replace(model, verdicts=tuple(verdicts), fit=fit)
 
 
 def tell_with_file(found: Answered, share: float) -> Answered:

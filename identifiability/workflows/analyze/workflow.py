@@ -52,7 +52,7 @@ from identifiability.workflows.case import Case, Data, WeightedRows, comparable_
 from identifiability.workflows.sides import report_loads
 
 from .belief import Belief, form_belief, refine_verdicts
-from .judge import assess_ladder, select_model, tell_with_file
+from .judge import assess_ladder, doubt_springs, select_model, tell_with_file
 from .ladder import FittedLadder, LadderFit, compute_ladder
 from .profiles import check_numbers, profile_numbers
 from .result import Analysis, ModelResult, compare_logs, doubt
@@ -241,7 +241,7 @@ def analyze(
             run = Run(progress or quiet, runner, seed, first)
             settings = choose_settings(case, run, prior, cad_prior, posterior=posterior, **options)
             found = _fit_case(case, run, ladder, method, settings, profile)
-        found = tell_with_file(found, settings["prior"])
+        found = tell_with_file(doubt_springs(found), settings["prior"])
         if posterior:
             return believe(found, run.say)
         return found

@@ -51,7 +51,12 @@ from identifiability.regression.reduction import (
     ladder_model,
 )
 from identifiability.robot import RobotLike
-from identifiability.workflows.analyze.judge import decide_model, rms_torque, tell_with_file
+from identifiability.workflows.analyze.judge import (
+    decide_model,
+    doubt_springs,
+    rms_torque,
+    tell_with_file,
+)
 from identifiability.workflows.analyze.ladder import ACCOUNTS, LadderFit, fit_with_robot
 from identifiability.workflows.analyze.profiles import find_noise, profile_shapes
 from identifiability.workflows.analyze.result import WORSE
@@ -161,7 +166,7 @@ def prune(
             complete = ladder is None and case.model is None
             rows = weigh_unpruned(case, source, run, method, estimator, complete)
             found = _reduce(pose_question(case, source, rows), source, settings, run)
-        return tell_with_file(found, settings["prior"])
+        return tell_with_file(doubt_springs(found), settings["prior"])
 
 
 def _reduce(
