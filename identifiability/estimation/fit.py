@@ -552,6 +552,8 @@ class Fit:
         Effect of the omitted parameters on those of the model.
     alternatives : LabelAlternatives or None
         What groups that may be missing do to them.
+    excluded : tuple of (str, ...)
+        Joints of which each parameter is sure only without a torque offset; empty if not computed.
     """
 
     estimate: Estimate
@@ -564,6 +566,7 @@ class Fit:
     shared: Mapping[str, Array] = field(default_factory=dict)
     left_out: LeftOut | None = None
     alternatives: LabelAlternatives | None = None
+    excluded: tuple[tuple[str, ...], ...] = ()
 
     @staticmethod
     def of(

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import stdtrit
 
-from identifiability.foundation.linalg import or_one
+from identifiability.foundation.linalg import NEARLY, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import ENDS, REACH
 from identifiability.foundation.values import frozen
@@ -138,6 +138,21 @@ def measure_offsets(information: Information, fit: Estimate) -> Array:
     changes = np.zeros((information.size, information.actuators))
     changes[kept] = inverse @ inverse.T @ products.T / unit[:, None]
     return changes
+
+
+def allow_offsets(information: Information, fit: Estimate) -> Array:
+    """Return the changes (k, n) of the values of a fit by torque offsets that the logs allow.
+
+    One standard deviation of an offset of each joint, if the model had it: at most the root mean
+    square of the joint's torque. Zero where the model has a constant torque.
+    """
+    changes = measure_offsets(information, fit)
+    rows = information.rows_each
+    outside = rows - np.einsum("nk,kn->n", information.sums[:, :-1], changes)
+    largest = information.torque / np.maximum(rows, 1)
+    lacking = (outside > NEARLY * rows) & (largest > 0)
+    precision = outside / or_one(fit.variance * fit.times) + 1.0 / or_one(largest)
+    return np.where(lacking, changes / np.sqrt(np.where(lacking, precision, 1.0)), 0.0)
 
 
 def widening(information: Information, known: Fit) -> float:

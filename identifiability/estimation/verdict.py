@@ -333,6 +333,8 @@ def _remark(fit: Fit, k: int, ruling: Ruling, robust: float) -> str:
     text = ""
     if fit.estimate.determined[k] and not {Flag.NOT_JUDGED, Flag.NEGLIGIBLE} & set(ruling.flags):
         text = _condition(fit, k, robust)
+    if ruling.kind is Class.IDENTIFIABLE and fit.excluded and fit.excluded[k]:
+        text += f" {phrase('verdict', 'offsets', joints=fit.excluded[k])}"
     passes = bool(fit.estimate.paper_rule[k])
     if Flag.NOT_JUDGED not in ruling.flags and passes != (ruling.kind is Class.IDENTIFIABLE):
         rule = "passes" if passes else "rejects"

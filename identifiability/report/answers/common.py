@@ -447,7 +447,7 @@ def _state_wrong_bodies(wrong: WrongBodies) -> str:
     """Return which body has wrong values, and by how much its mass is wrong."""
     names = list[str]()
     for place, kind in wrong.hypotheses:
-        part = "other" if kind == "mass" else kind
+        part: str = "other" if kind == "mass" else kind
         if kind == "mass" and not names:
             part = "heavier" if wrong.change > 0 else "lighter"
         holes = {"place": place, "share": abs(wrong.change), "sd": wrong.sd}

@@ -14,7 +14,7 @@ from identifiability.estimation.estimator import Estimate, clip_signs
 from identifiability.estimation.evidence import near_best
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import LabelAlternatives, MissingEffects
-from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.prediction import Prediction, allow_offsets
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, judge, narrow
 from identifiability.foundation.findings import phrase
@@ -76,6 +76,7 @@ def decide_model(
         left_out=left_out,
         alternatives=alternatives,
     )
+    fit = replace(fit, excluded=_exclude_offsets(model, fit))
     beside = structure.nominal_base - submodel.fixed
     stated = np.linalg.lstsq(submodel.M, beside, rcond=None)[0]
     forbidden = find_forbidden(model)
@@ -84,6 +85,15 @@ def decide_model(
     impossible = forbidden | find_forbidden(moved)
     told = submodel.labels, submodel.units, torque, _aliases(estimate), impossible, stated
     return fit, judge(fit, *told), tuple(compress(submodel.columns, forbidden))
+
+
+def _exclude_offsets(model: FittedModel, fit: Fit) -> tuple[tuple[str, ...], ...]:
+    """Return the joints of which each parameter is sure only without a torque offset, (k,)."""
+    joints = model.structure.robot.joints
+    offsets = allow_offsets(model.information, model.estimate)[:, -len(joints) :]
+    wide = np.hypot(fit.sigma[:, None], offsets)
+    unsure = 100 * wide > Thresholds().sigma_percent * np.abs(fit.value)[:, None]
+    return tuple(tuple(compress(joints, own)) for own in unsure)
 
 
 def find_forbidden(model: FittedModel) -> np.ndarray:

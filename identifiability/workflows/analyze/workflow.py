@@ -20,6 +20,7 @@ from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.groups import MissingEffects
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction, Task, predict_all
+from identifiability.estimation.verdict import Class
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
@@ -89,7 +90,7 @@ def say_band(band: Band | None, *, names: bool = False) -> tuple[str, ...]:
 
 
 def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[str]:
-    """Return hints from a fit on its logs: a mounting to correct, logs that disagree.
+    """Return hints from a fit on its logs: a mounting to correct, offsets, logs that disagree.
 
     Corrections of a mounting are linear where they are small. A large one is corrected step by
     step: the rest is found from the corrected mounting.
@@ -97,7 +98,16 @@ def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[
     sure = {v.name: v.value for v in result.verdicts if v.sure and not v.open}
     entry = move_mounting(data.robot, sure)
     moved = Finding("imu_moved", entry=entry) if entry else ""
-    return [*filter(None, (moved, compare_logs(data.samples, result, missing)))]
+    apart = compare_logs(data.samples, result, missing)
+    return [*filter(None, (moved, say_excluded_offsets(result), apart))]
+
+
+def say_excluded_offsets(result: ModelResult) -> Finding | str:
+    """Return which identifiable parameters are so only without torque offsets; empty if none is."""
+    pairs = zip(result.verdicts, result.fit.excluded, strict=True)
+    found = {v.name: own for v, own in pairs if own and v.verdict is Class.IDENTIFIABLE}
+    joints = [*dict.fromkeys(joint for own in found.values() for joint in own)]
+    return Finding("excluded_offsets", names=[*found], joints=joints) if found else ""
 
 
 def say_delays(robot: Robot, missing: MissingEffects) -> Iterator[Finding]:
