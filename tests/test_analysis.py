@@ -17,7 +17,6 @@ from identifiability import (
     prune,
 )
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.findings import of_key
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report.answers.commands import export_line
 from identifiability.workflows.export.workflow import save_robot
@@ -53,14 +52,6 @@ def test_every_verdict_has_a_reason_and_says_why_the_10x_rule_differs(result):
             assert v.reason.endswith(".")
             differs = v.paper_rule != (v.verdict is Class.IDENTIFIABLE)
             assert ("10× rule" in v.reason) == differs
-
-
-def test_a_mass_that_a_torque_offset_could_be_is_identifiable_without_it(result):
-    reasons = {v.name: v.reason for v in result.chosen.verdicts}
-    assert "if slider3 has no torque offset" in reasons["leg3_upper.m"]
-    assert sum("torque offset" in reason for reason in reasons.values()) == 1
-    (said,) = of_key(result.hints, "excluded_offsets")
-    assert said.startswith("leg3_upper.m is identifiable only if slider3 has")
 
 
 def test_where_nothing_is_held_out_the_error_is_cross_validated(simulated):

@@ -3,6 +3,7 @@
 import pytest
 
 from identifiability import Robot, analyze, new_study
+from identifiability.foundation.findings import of_key
 from identifiability.foundation.rounding import format_measured
 from identifiability.workflows import case
 
@@ -28,6 +29,12 @@ def test_an_interval_holds_what_was_planted_wherever_a_sign_is_certain(found):
             held[v.name] = v.interval95[0] <= planted[v.name] <= v.interval95[1]
     assert held
     assert all(held.values())
+
+
+def test_a_mass_that_an_offset_of_its_slider_could_be_is_identifiable_without_it(found):
+    reasons = {v.name: v.reason for v in found.chosen.verdicts}
+    assert "if slider3 has no torque offset" in reasons["leg3_upper.m"]
+    assert "leg3_upper.m" in of_key(found.hints, "excluded_offsets")[0]
 
 
 def test_one_value_has_one_error_and_a_reason_where_exports_get_another(found, tmp_path):

@@ -21,6 +21,7 @@ from identifiability import (
 )
 from identifiability.effects.base import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
+from identifiability.estimation.prediction import allow_offsets
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality import MeasuredLogs
 from identifiability.reading import choose_reading
@@ -204,6 +205,15 @@ def test_a_spring_that_acts_as_a_body_in_any_motion_is_told_with_that_body(logs_
     row = found.to_frame().set_index("name").loc["link1.mx"]
     assert row.verdict == "sign only"
     assert row.lower < 2.05 < row.upper
+
+
+def test_a_torque_offset_that_the_logs_allow_moves_values_as_far_as_its_parameter_widens_them():
+    found = analyze(*record("two-link", correlation=0.0), "none", replicates=0)
+    full, bare = found.models
+    allowed = allow_offsets(bare.submodel.reduce(found.information), bare.estimate)
+    wide = np.hypot(bare.estimate.sigma, np.linalg.norm(allowed, axis=1))
+    at = [full.submodel.columns.index(name) for name in bare.submodel.columns]
+    assert_allclose(wide, full.estimate.sigma[at], rtol=0.05)
 
 
 def test_a_zero_of_the_first_encoder_is_named_with_the_tilt_that_acts_as_it_does():
