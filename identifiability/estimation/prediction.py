@@ -150,9 +150,10 @@ def allow_offsets(information: Information, fit: Estimate) -> Array:
     rows = information.rows_each
     outside = rows - np.einsum("nk,kn->n", information.sums[:, :-1], changes)
     largest = information.torque / np.maximum(rows, 1)
+    noise = fit.variance * fit.times
     lacking = (outside > NEARLY * rows) & (largest > 0)
-    precision = outside / or_one(fit.variance * fit.times) + 1.0 / or_one(largest)
-    return np.where(lacking, changes / np.sqrt(np.where(lacking, precision, 1.0)), 0.0)
+    size = noise * largest / np.where(lacking, outside * largest + noise, 1.0)
+    return changes * np.sqrt(np.where(lacking, size, 0.0))
 
 
 def widening(information: Information, known: Fit) -> float:
