@@ -253,7 +253,8 @@ class PredictingPresenter(AnsweringPresenter):
             tone = "grey"
         uses = sentence("decision.uses", grade)
         if tone != "vermilion" and reserved:
-            uses = sentence("quality", "settled", doubt=reserved, uses=uses.rstrip("."))
+            later = f"{uses[0].lower()}{uses[1:]}"
+            uses = sentence("quality", "settled", doubt=reserved, uses=later)
         text = join_sentences(text, uses)
         # A filter makes a difference.
         if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
