@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing
-from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
@@ -151,8 +150,8 @@ class Servo:
             "([servo] rate = …) where Fv itself matters, as rollouts hardly change."
         )
 
-    def doubt_scale(self, larger: Array, sd: Array, shares: Sequence[float]) -> list[Finding]:
-        """Return a finding if one factor seems wrong in all stated gains; none if logs gave them.
+    def has_doubtful_scale(self, larger: Array, sd: Array, shares: Sequence[float]) -> bool:
+        """Return whether one factor seems wrong in all stated gains; not if logs gave them.
 
         Commands and positions determine only ratios of gain and mass. Gains that are too high make
         all bodies heavier.
@@ -169,9 +168,7 @@ class Servo:
         # The part of each ratio that rollouts determine; prior knowledge determines the rest.
         by_rollouts = np.maximum(1 - (sd / shares) ** 2, 0.0)
         reach = REACH * np.sqrt(by_rollouts.sum())
-        if self.rolled or abs(np.sum(larger / shares)) <= reach:
-            return []
-        return [Finding("gains_scale", self.source, factor=np.exp(np.mean(larger)))]
+        return not self.rolled and bool(abs(np.sum(larger / shares)) > reach)
 
     @property
     def doubted(self) -> tuple[Servo, ...]:

@@ -19,9 +19,9 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import CommandedRobot
 
-from .descent import BEGUN, SearchEnd, conclude, descend, follow_valley
+from .descent import BEGUN, RENEWED, SearchEnd, conclude, descend, follow_valley
 from .first_answer import FirstAnswer
-from .problem import RolloutProblem
+from .problem import LATER, RolloutProblem
 from .rollouts import KINDS, Rollouts, are_contradicted
 from .start import restart_joints, start_rollouts
 from .torque import servo_log
@@ -89,7 +89,23 @@ def fit_rollouts(
     return conclude(problem, end)
 
 
-def divide_gains(found: Rollouts, factor: float) -> Rollouts:
+def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:
+    """Return rollouts with divided gains of the servos, and the factor.
+
+    Bodies then have the file's size on average. Torque at a limit depends on the factor, and so do
+    these sizes, so the factor is found in steps.
+    """
+    factor = 1.0
+    for _ in range(RENEWED):
+        larger = 2.0 * float(np.mean(found.numbers["sizes"]))
+        factor *= np.exp(larger)
+        found = _divide_once(found, np.exp(larger))
+        if abs(larger) < LATER:
+            break
+    return found, factor
+
+
+def _divide_once(found: Rollouts, factor: float) -> Rollouts:
     """Return the rollouts that follow the logs with gains of the servos divided by a factor.
 
     Without limits of the torque all numbers are divided, and the motion is the same.
@@ -98,6 +114,7 @@ def divide_gains(found: Rollouts, factor: float) -> Rollouts:
     machine = problem.machine
     plain = drop_follower_friction(machine.robot)
     problem.machine = CommandedRobot(machine.robot, plain, machine.servo.divided(factor))
+    problem.integrating.clear()
     x = end.x.copy()
     for kind in ("Ia", "Fv", "Fc", "off", "limit", "ki", "kv"):
         x[problem.at(kind)] /= factor

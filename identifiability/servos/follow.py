@@ -143,12 +143,12 @@ def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> Ident
     text = filter(None, [check_found(robot, logs, found), state_servos(robot, logs, found)])
     larger = 2.0 * found.numbers["sizes"]
     sd = 2.0 * found.unsure[found.search[0].bodies]
-    scale = servo.doubt_scale(larger, sd, [*file_shares(robot).values()])
-    if scale:
+    scale = list[Finding]()
+    if servo.has_doubtful_scale(larger, sd, [*file_shares(robot).values()]):
         # Motion determines ratios alone, and masses of the file are better known than drives.
-        factor = float(np.exp(np.mean(larger)))
         rivals = [servo]
-        found = divide_gains(found, factor)
+        found, factor = divide_gains(found)
+        scale = [Finding("gains_scale", servo.source, factor=factor)]
         servo = with_numbers(servo.divided(factor), found)
         robot = replace(robot, servo=servo)
     rivals += servo.doubted
