@@ -441,7 +441,9 @@ def state_contradicted(
         advice = phrase("contradicted", "tool", body=heavier)
     springs = [place for place, kind in wrong.hypotheses if kind == "spring"]
     look = phrase("contradicted", "at" if springs else "anywhere", joints=springs)
-    return [Finding("contradicted", values=each, advice=advice, look=look)]
+    commanded = bool(fit.servo)
+    told = {"values": each, "advice": advice, "look": look, "commanded": commanded}
+    return [Finding("contradicted", **told)]
 
 
 def _state_wrong_bodies(wrong: WrongBodies) -> str:
