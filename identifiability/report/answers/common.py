@@ -442,8 +442,7 @@ def state_contradicted(
     springs = [place for place, kind in wrong.hypotheses if kind == "spring"]
     look = phrase("contradicted", "at" if springs else "anywhere", joints=springs)
     commanded = bool(fit.servo)
-    told = {"values": each, "advice": advice, "look": look, "commanded": commanded}
-    return [Finding("contradicted", **told)]
+    return [Finding("contradicted", values=each, advice=advice, look=look, commanded=commanded)]
 
 
 def _state_wrong_bodies(wrong: WrongBodies) -> str:
