@@ -8,6 +8,7 @@ determine that factor.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import CommandedRobot
 
-from .descent import BEGUN, RENEWED, SearchEnd, conclude, descend, follow_valley
+from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend, follow_valley
 from .first_answer import FirstAnswer
 from .problem import LATER, RolloutProblem
 from .rollouts import KINDS, Rollouts, are_contradicted
@@ -92,17 +93,29 @@ def fit_rollouts(
 def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:
     """Return rollouts with divided gains of the servos, and the factor.
 
-    Bodies then have the file's size on average. Torque at a limit depends on the factor, and so do
-    these sizes, so the factor is found in steps.
+    Bodies then have the file's size on average. Torque at a limit depends on the factor, too, so
+    that further steps, each half as long, follow as long as they gain.
     """
-    factor = 1.0
-    for _ in range(RENEWED):
-        larger = 2.0 * float(np.mean(found.numbers["sizes"]))
-        factor *= np.exp(larger)
-        found = _divide_once(found, np.exp(larger))
-        if abs(larger) < LATER:
+    step = 2.0 * float(np.mean(found.numbers["sizes"]))
+    factor = np.exp(step)
+    divided = _divide_once(found, factor)
+    while abs(step) > LATER:
+        step *= 0.5
+        further = _divide_once(divided, np.exp(step))
+        if _gained_squares(divided, further) <= ENOUGH:
             break
-    return found, factor
+        divided = further
+        factor *= np.exp(step)
+    return divided, float(factor)
+
+
+def _gained_squares(before: Rollouts, after: Rollouts) -> float:
+    """Return by how much the weighted squares of rollouts are smaller than before."""
+    problem, end = before.search
+    other, moved = after.search
+    weights = problem.weights(end.q)
+    squares = np.sum((weights * problem.residual(end.q, end.x)) ** 2)
+    return float(squares - np.sum((weights * other.residual(moved.q, moved.x)) ** 2))
 
 
 def _divide_once(found: Rollouts, factor: float) -> Rollouts:
@@ -111,10 +124,11 @@ def _divide_once(found: Rollouts, factor: float) -> Rollouts:
     Without limits of the torque all numbers are divided, and the motion is the same.
     """
     problem, end = found.search
+    problem = copy(problem)
+    problem.integrating = {}
     machine = problem.machine
     plain = drop_follower_friction(machine.robot)
     problem.machine = CommandedRobot(machine.robot, plain, machine.servo.divided(factor))
-    problem.integrating.clear()
     x = end.x.copy()
     for kind in ("Ia", "Fv", "Fc", "off", "limit", "ki", "kv"):
         x[problem.at(kind)] /= factor
