@@ -5,6 +5,7 @@ import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -24,6 +25,8 @@ from identifiability import (
     predict,
     prune,
 )
+from identifiability.effects.measurement import CommandDelay
+from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
@@ -44,9 +47,11 @@ from identifiability.servos import (
     state_gains,
     state_standing,
 )
+from identifiability.servos.fit import divide_gains
 from identifiability.servos.start import balance_torque
 from identifiability.servos.windows import cut_windows
 from identifiability.simulation.rollout import CommandedRobot
+from identifiability.workflows.analyze.workflow import say_delays
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))
@@ -188,6 +193,25 @@ def test_lost_commands_and_gains_that_are_all_too_high_are_said(arm, key, lost, 
     assert [k for k, *_ in FAULTS[1:] if of_key(result.hints, k)] == [key] * bool(key)
     assert not of_key(result.hints, "late_commands")
     assert_allclose(result.robot.servo.kp, arm.servo.kp, rtol=0.15)
+
+
+def test_limits_tell_the_factor_of_gains_that_are_all_too_high(arm):
+    limits = np.array([250.0, 80.0])
+    servo = replace(arm.servo, low=-limits, high=limits)
+    rng, how = default_rng(6), servos.Recorder(100.0, 25.0, 0.006, 14)
+    moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng)
+    log = read(arm, servos.record(arm, TRUTH, moves, 8.0, how, rng, servo))
+    robot = replace(arm, servo=servo.divided(1 / 1.4))
+    _, factor = divide_gains(fit_rollouts(robot, [log], file_shares(arm)))
+    assert factor == pytest.approx(1.4, rel=0.05)  # 1.25 by bodies alone
+
+
+@pytest.mark.parametrize(("late", "said"), [(0.4e-3, False), (2e-3, True)])
+def test_commands_are_called_late_beyond_the_unknown_age_of_measurements(arm, late, said):
+    term = SimpleNamespace(group=SimpleNamespace(family=CommandDelay.name, place=EVERYWHERE))
+    values = {"value": np.full(2, late), "root": np.full((1, 2), 5e-5)}
+    effect = SimpleNamespace(term=term, weight=0.99, **values)
+    assert bool([*say_delays(arm, SimpleNamespace(shares=[effect]))]) == said
 
 
 ODD = (("play", 0.03), ("gain", -0.25), ("limit", 30.0), ("integral", 2.0), ("", 0.0))
