@@ -53,6 +53,8 @@ def test_verbs_need_no_arguments_in_the_folder_of_a_case(folder, command):
     for verb in ("analyze --quick", "predict", "export", "compare", "diagnose --quick"):
         done = command(*verb.split())
         assert done.exit_code == 0, done.output
+    typed = command("payload", ".", "result.json", "run3.csv").output
+    assert "payload robot.xml result.json run3.csv --body" in next_line(typed)
     with (folder / "case.toml").open("a", encoding="utf-8") as file:
         file.write('loaded = ["run3.csv"]\n')
     weighed = command("payload", "--json", "load.json")

@@ -98,6 +98,9 @@ def _shorten_command(case: CaseFile, line: str, *, alone: bool) -> str:
     inputs = {name: x for name, x in said.items() if name in names and name not in WRITTEN}
     if any(_as_words(typed.get(name)) != _as_words(x) for name, x in inputs.items()):
         return line
+    placed = {p.name for p in command.params if p.param_type_name == "argument"} - set(inputs)
+    if any(_as_words(typed.get(name)) for name in placed):  # words that the case does not state
+        return line
     settings = {f"{key}={_as_text(x)}" for key, x in case.settings.items()}
     rest = {name: x for name, x in typed.items() if name not in inputs}
     rest["set"] = [text for text in typed.get("set") or () if text not in settings]
