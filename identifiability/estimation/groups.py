@@ -621,8 +621,13 @@ class MissingEffects:
             return f"the model lacks {largest}"
         return f"the model lacks {len(sure)} effects, the largest is {largest}"
 
-    def of_labels(self, submodel: Submodel, fit: Estimate) -> LabelAlternatives | None:
-        """Return the effect of the groups on the values of a model; None where there is none."""
+    def of_labels(
+        self, submodel: Submodel, fit: Estimate, prior: Array | None = None
+    ) -> LabelAlternatives | None:
+        """Return the effect of the groups on the values of a model; None where there is none.
+
+        The prior (d, k + 1) of the fit holds values that rows hardly determine, here as there.
+        """
         if not self.shares:
             return None
         kept = list(fit.kept)
@@ -630,6 +635,8 @@ class MissingEffects:
         w = fit.weights
         used = max(s.columns.max() for s in self.shares) + 1
         XX = np.zeros((M.shape[1], M.shape[1]))
+        if prior is not None:
+            XX += prior[:, kept].T @ prior[:, kept]
         XB = np.zeros((M.shape[1], used))
         for weight, joint in zip(w, self.rows, strict=True):
             X = joint.X @ M[joint.columns]

@@ -69,7 +69,7 @@ def decide_model(
         apart = model.to_x @ real.nearest.phi - estimate.value
         shared["prior"] = np.where(estimate.determined, apart, 0.0)[None]
     left_out = find_left_out(structure, submodel, model.whole, estimate, full)
-    alternatives = missing.of_labels(submodel, estimate)
+    alternatives = missing.of_labels(submodel, estimate, model.information.prior)
     fit = replace(
         fit,
         shared=shared,

@@ -10,7 +10,13 @@ from numpy.testing import assert_allclose
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
-from identifiability.estimation.groups import NO_MISSING_EFFECTS, LabelAlternatives
+from identifiability.estimation.groups import (
+    NO_MISSING_EFFECTS,
+    JointRows,
+    LabelAlternatives,
+    MissingEffects,
+    Share,
+)
 from identifiability.estimation.prediction import Prediction
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
@@ -196,6 +202,17 @@ def test_a_value_that_missing_effects_move_to_a_forbidden_sign_is_in_doubt(ladde
     missing = SimpleNamespace(of_labels=lambda *_: moved)
     _, (found,), infeasible = decide_model(model, 1.0, default_rng(0), 0, None, missing)
     assert (found.word, infeasible) == ("not identifiable, model in doubt", ())
+
+
+def test_a_prior_holds_a_value_that_rows_hardly_determine_against_missing_effects(ladder):
+    weak = JointRows(np.arange(1), np.full((1, 1), 1e-6), np.arange(1), np.ones((1, 1)))
+    term = SimpleNamespace(group=SimpleNamespace(family="stribeck_friction", place="j"))
+    share = Share(term, 1.0, 1.0, np.arange(1), np.ones(1), np.zeros((1, 1)))
+    model = fitted_model(submodel("full", [0], "a", [0]), ladder[2], np.ones(4))
+    estimate = replace(model.estimate, weights=np.ones(1))
+    told = MissingEffects((term,), (share,), (weak,)).of_labels
+    shifts = [told(model.submodel, estimate, known).shift for known in (None, np.eye(1, 2))]
+    assert_allclose(np.ravel(shifts), [1e6, 1e-6])
 
 
 def test_verdicts_say_what_a_column_cannot_be_told_from(ladder):
