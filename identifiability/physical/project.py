@@ -628,5 +628,6 @@ def _relative_change(rates: Array, weight: float) -> Array:
 def _room(value: Array, change: Array) -> float:
     """Return the part of a change, at most one, that leaves values positive."""
     falls = change < 0
-    ratios = value[falls] / -change[falls]
+    with np.errstate(over="ignore"):  # of a change near zero, which leaves all room
+        ratios = value[falls] / -change[falls]
     return min(1.0, EDGE * float(ratios.min(initial=np.inf)))
