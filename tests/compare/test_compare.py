@@ -99,6 +99,10 @@ def test_a_load_hangs_on_the_open_end_and_is_as_sure_as_gains_that_drift():
     assert (load.kind, load.place) == ("load", "tool")
     assert abs(load.sizes[0] - 20.0) < 3 * load.sd[0]
     assert load.sd[0] < 2
+    rubs = robot.nominal[f"{robot.joints[0]}.Fc"] * np.sign(second.dq[:, :1]) * np.eye(4)[0]
+    found = compare(robot, first, replace(second, tau=second.tau + rubs))
+    assert said(found) == {("load", "tool"), ("friction", robot.joints[0])}
+    assert "changed as the load did" in found.details
 
 
 def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():

@@ -365,6 +365,9 @@ def _find_cause(change: Change, result: Comparison) -> str:
     falls = [c.relative[0] for c in result.changes if c.within and c.place == change.place]
     if falls and abs(size) - REACH * sd <= abs(falls[0]):
         return "perhaps"
+    loads = [c for c in result.changes if c.kind == "load" and c.log == change.log]
+    if any(size * c.sizes[0] > 0 for c in loads if c.names[0].endswith(".m")):
+        return "carries"
     if len(result.after) < 2 or change.log:
         return "once"
     return "wear" if size > 0 else "lower"
