@@ -11,6 +11,7 @@ from identifiability.effects import find_family
 from identifiability.effects.effect import measure_spans
 from identifiability.estimation.mixed_model import MixedModel, Term
 from identifiability.simulation import Campaign, random_trajectory
+from identifiability.workflows.diagnose import naming
 
 
 def seldom(*case):
@@ -60,6 +61,8 @@ def test_a_name_that_is_far_less_probable_than_another_is_replaced(logs_of, name
     logs = logs_of("two-link", "gravity_spring@elbow=0.1")
     d = diagnose("two-link", logs[:4], logs[4:], forward=False)
     assert named(d) == [("gravity_spring", ("elbow",))]
+    monkeypatch.setattr(naming, "_exchange_improbable", lambda *_: ())  # it is not tried
+    assert named(diagnose("two-link", logs[:4], logs[4:], forward=False)) == []
 
 
 def test_friction_of_some_passive_joints_keeps_all_in_the_model_and_none_below_zero(diagnosis_of):

@@ -390,7 +390,8 @@ def name_missing(looked: Naming) -> Naming:
 
     Left-out blocks of the fitted rows decide in which joints each confirmed effect acts. Once other
     terms are removed, a name may be far less probable than an alternative. The alternative replaces
-    it if the same rows confirm the alternative, and it gains at least as much on unseen rows.
+    it if the same rows confirm the alternative, and it gains at least as much on unseen rows. A
+    name that is in the end still far less probable than one that was not tried is no name.
     """
     looked, found = _search(looked)
     judged, gone = _judge(looked, found), set[tuple[str, str]]()
@@ -403,6 +404,10 @@ def name_missing(looked: Naming) -> Naming:
         if new <= other.keys and _gains_as_much(other, judged):
             judged = other
         gone |= new
+    improbable = {k for k, _ in _find_improbable(judged, gone)}
+    if improbable:
+        rest = tuple(t for k, t in enumerate(judged.terms) if k not in improbable)
+        judged = _judge(judged.naming, judged.naming.whole.update_terms(rest))
     looked, kept = judged.naming, judged.terms
     parts = list[Part]()
     for k in range(len(kept)):
@@ -434,13 +439,20 @@ def _gains_as_much(one: Judged, other: Judged) -> bool:
 
 def _exchange_improbable(judged: Judged, gone: Collection[tuple[str, str]]) -> Terms:
     """Return terms with the likeliest alternative of an improbable one; none if there is none."""
-    terms = judged.terms
-    for k in range(len(terms)):
+    for k, other in _find_improbable(judged, gone):
+        exchanged = (*judged.terms[:k], other, *judged.terms[k + 1 :])
+        return judged.naming.whole.update_terms(exchanged)
+    return ()
+
+
+def _find_improbable(
+    judged: Judged, gone: Collection[tuple[str, str]]
+) -> Iterator[tuple[int, Term]]:
+    """Yield the number of each term that is far less probable than another name, and that name."""
+    for k in range(len(judged.terms)):
         odds, others = _list_alternatives(judged, k, gone)
         if others and others[0].odds > odds + RULES.rival:
-            exchanged = (*terms[:k], others[0], *terms[k + 1 :])
-            return judged.naming.whole.update_terms(exchanged)
-    return ()
+            yield k, others[0]
 
 
 def _list_alternatives(
