@@ -168,6 +168,28 @@ def find_saturation(logs: MeasuredLogs) -> list[Finding]:
     return []
 
 
+# Drives that are off: currents read zero, and brakes or shorted windings stop the robot.
+
+
+@check("off", Does.HINTS)
+def find_off(logs: MeasuredLogs) -> list[Finding]:
+    """Return stretches in which every torque is zero on average, and a joint still moves."""
+    places = []
+    for log in logs.recordings:
+        rows = log.shown
+        parts = [part for part in np.array_split(np.arange(len(rows.t)), 100) if len(part)]
+        level = np.array([rows.tau[part].mean(0) for part in parts])
+        quiet = (np.abs(level) < 0.05 * np.sqrt((level**2).mean(0))).all(1)
+        edges = np.flatnonzero(np.diff(quiet, prepend=False, append=False)).reshape(-1, 2)
+        for start, stop in edges[np.diff(edges)[:, 0] >= 4]:
+            first, last = parts[start][0], parts[stop - 1][-1]
+            way = np.ptp(rows.q[first : last + 1], axis=0) > 0.01 * np.ptp(rows.q, axis=0)
+            if way.any() and not of_commands(log):
+                a, b = rows.t[[first, last]]
+                places.append(phrase("off", "one", log=log.name, first=a, last=b))
+    return [Finding("off", where=places)] if places else []
+
+
 # Problems of the robot file, and joints without information; checked for any logs.
 
 

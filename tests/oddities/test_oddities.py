@@ -77,3 +77,11 @@ def test_torque_that_stops_at_its_limit_is_said(simulated):
     assert len(said) == 1
     assert "'shoulder.tau' stays at" in said[0]
     assert not any("extreme" in x for x in analyze("two-link", log, replicates=0).hints)
+
+
+def test_drives_that_are_off_while_the_robot_moves_are_said(say, good):
+    structure, log = good
+    noise = 0.01 * log.tau.std(0) * np.random.default_rng(0).standard_normal(log.tau.shape)
+    on = log.t < 0.8 * log.t[-1] + 0.2 * log.t[0]
+    (hint,) = say(structure, replace(log, tau=np.where(on[:, None], log.tau, noise)))
+    assert "the drives were off" in hint
