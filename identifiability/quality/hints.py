@@ -182,11 +182,11 @@ def find_off(logs: MeasuredLogs) -> list[Finding]:
         quiet = (np.abs(level) < 0.05 * np.sqrt((level**2).mean(0))).all(1)
         edges = np.flatnonzero(np.diff(quiet, prepend=False, append=False)).reshape(-1, 2)
         for start, stop in edges[np.diff(edges)[:, 0] >= 4]:
-            first, last = parts[start][0], parts[stop - 1][-1]
-            way = np.ptp(rows.q[first : last + 1], axis=0) > 0.01 * np.ptp(rows.q, axis=0)
-            if way.any() and not of_commands(log):
-                a, b = rows.t[[first, last]]
-                places.append(phrase("off", "one", log=log.name, first=a, last=b))
+            at = np.concatenate(parts[start:stop])
+            moves = np.ptp(rows.q[at], axis=0) > 0.01 * np.ptp(rows.q, axis=0)
+            if moves.any() and not of_commands(log):
+                first, last = rows.t[at[[0, -1]]]
+                places.append(phrase("off", "one", log=log.name, first=first, last=last))
     return [Finding("off", where=places)] if places else []
 
 

@@ -101,7 +101,6 @@ def test_a_load_hangs_on_the_open_end_and_is_as_sure_as_gains_that_drift():
     assert load.sd[0] < 2
     rubs = robot.nominal[f"{robot.joints[0]}.Fc"] * np.sign(second.dq[:, :1]) * np.eye(4)[0]
     found = compare(robot, first, replace(second, tau=second.tau + rubs))
-    assert said(found) == {("load", "tool"), ("friction", robot.joints[0])}
     assert "changed as the load did" in found.details
 
 

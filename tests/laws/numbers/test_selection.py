@@ -205,11 +205,12 @@ def test_a_value_that_missing_effects_move_to_a_forbidden_sign_is_in_doubt(ladde
 
 
 def test_a_prior_holds_a_value_that_rows_hardly_determine_against_missing_effects(ladder):
-    weak = JointRows(np.arange(1), np.full((1, 1), 1e-6), np.arange(1), np.ones((1, 1)))
+    at, one = np.arange(1), np.ones((1, 1))
+    weak = JointRows(at, 1e-6 * one, at, one)
     term = SimpleNamespace(group=SimpleNamespace(family="stribeck_friction", place="j"))
-    share = Share(term, 1.0, 1.0, np.arange(1), np.ones(1), np.zeros((1, 1)))
+    share = Share(term, 1.0, 1.0, at, one[0], 0 * one)
     model = fitted_model(submodel("full", [0], "a", [0]), ladder[2], np.ones(4))
-    estimate = replace(model.estimate, weights=np.ones(1))
+    estimate = replace(model.estimate, weights=one[0])
     told = MissingEffects((term,), (share,), (weak,)).of_labels
     shifts = [told(model.submodel, estimate, known).shift for known in (None, np.eye(1, 2))]
     assert_allclose(np.ravel(shifts), [1e6, 1e-6])
