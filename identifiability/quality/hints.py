@@ -179,10 +179,12 @@ def find_off(logs: MeasuredLogs) -> list[Finding]:
         rows = log.shown
         parts = [part for part in np.array_split(np.arange(len(rows.t)), 100) if len(part)]
         level = np.array([rows.tau[part].mean(0) for part in parts])
+        # Currents of drives that are off read zero, up to a twentieth of the usual torque.
         quiet = (np.abs(level) < 0.05 * np.sqrt((level**2).mean(0))).all(1)
         edges = np.flatnonzero(np.diff(quiet, prepend=False, append=False)).reshape(-1, 2)
         for start, stop in edges[np.diff(edges)[:, 0] >= 4]:
             at = np.concatenate(parts[start:stop])
+            # It moves by more than a sensor's noise.
             moves = np.ptp(rows.q[at], axis=0) > 0.01 * np.ptp(rows.q, axis=0)
             if moves.any() and not of_commands(log):
                 first, last = rows.t[at[[0, -1]]]

@@ -92,7 +92,8 @@ def _exclude_offsets(model: FittedModel, fit: Fit) -> tuple[tuple[str, ...], ...
     joints = model.structure.robot.joints
     offsets = allow_offsets(model.information, model.estimate)[:, -len(joints) :]
     wide = np.hypot(fit.sigma[:, None], offsets)
-    unsure = 100 * wide > Thresholds().sigma_percent * np.abs(fit.value)[:, None]
+    largest = Thresholds().sigma_percent / 100 * np.abs(fit.value)
+    unsure = wide > largest[:, None]
     return tuple(tuple(compress(joints, own)) for own in unsure)
 
 
