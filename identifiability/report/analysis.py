@@ -186,7 +186,7 @@ def section_ladder(analysis: Analysis) -> Section:
     chosen = analysis.chosen
     models = analysis.models
     part = "smallest" if models[1:] else "only"
-    why = capital(sentence("analysis.why", part, title=model_title(chosen)))
+    why = capital(sentence("analysis.why", part, title=model_title(chosen), count=len(models)))
     table = analysis.tables()[0]
     return section(
         "analysis.models",

@@ -534,8 +534,9 @@ def torque_traces(
         known = np.where(np.isfinite(half), half, np.nan)
         lines |= {"95 % from": predicted - known, "95 % to": predicted + known}
     caption = sentence("analysis.traces", log=log)
-    if np.isnan(lines["residual"]).any():
-        caption += sentence("moving", "gaps")
+    gaps = np.isnan(lines["residual"]).any(0)
+    if gaps.any():
+        caption += sentence("moving", "gaps", joints=np.array(joints)[gaps].tolist())
     missed, whole = (np.ma.masked_invalid(y).std(0) for y in (lines["residual"], measured))
     worst = int((missed / whole).filled(0.0).argmax())
     return traces(t, joints, units, lines, caption=caption, shown=worst)

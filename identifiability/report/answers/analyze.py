@@ -105,7 +105,7 @@ class LadderedPresenter(PredictingPresenter):
         measured_on = sentence(
             "laddered.measured",
             kind=result.validation_kind,
-            interval=_state_interval(result.held_out),
+            interval=state_interval(result.held_out),
         )
         error = self.answer_error(measured_on, more, raw=result.left_out["raw"])
         if result.moved is not None:
@@ -127,10 +127,11 @@ class LadderedPresenter(PredictingPresenter):
         again = f"{verb} {inputs}{all_fitted}{ladder}"
         find = f"diagnose {inputs}"
         out = list[Command]()
-        if verb == "prune":
+        # A missing effect changes which parameters are needed: name it before pruning.
+        if verb == "prune" and not result.missing.functions:
             use = partial("{} --model {}".format, find)
             find = commands.on_file(result, "model", "pruned.toml", f"{again} --out", use)
-        elif _has_unknown(result.chosen):
+        elif verb == "analyze" and _has_unknown(result.chosen):
             line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
             begun = commands.name_logs(result.robot, names, "--start-from", how)
             more = f"excite {self.robot} {begun} --out next.json"
@@ -171,7 +172,7 @@ class LadderedPresenter(PredictingPresenter):
         return result.chosen.error_ra_validation, each["error"], each["rms"]
 
     def reserved(self) -> str:
-        """Return the question of trust, unless its answer is an unreserved yes."""
+        """Return the verdict of trust, unless it is an unreserved yes."""
         return state_reserved(answer_doubt(self.result))
 
     def noise(self) -> Array | None:
@@ -324,7 +325,9 @@ def state_nearest(model: ModelResult) -> str:
     if model.feasible or not np.isfinite(near):
         return ""
     about = "laddered.statement"
-    error = "" if model.physical_used else sentence(about, "errs", near=near)
+    free = model.unseen_by(0)
+    part = "same" if percent_text(100 * near) == percent_text(100 * free) else "errs"
+    error = sentence(about, part, near=near, free=free)
     return sentence(about, "nearest", error=error)
 
 
@@ -336,7 +339,7 @@ def _state_left_out(result: Laddered[Any]) -> str:
     return sentence("decision.left", "rows", share=left["rows"], error=left["all_rows"])
 
 
-def _state_interval(out: Prediction) -> str:
+def state_interval(out: Prediction) -> str:
     """Return the 95 % interval of the error on unseen motion; nothing without its samples."""
     if not len(out.predicted):
         return ""
@@ -577,7 +580,7 @@ def possible_cell(m: ModelResult) -> Cell:
     if m.feasible:
         checked = m.physical is not None
         return Cell(
-            "yes" if checked else "signs ok", 2.0, badge="pass" if checked else "not checked"
+            "yes" if checked else "not tested", 2.0, badge="pass" if checked else "not checked"
         )
     if m.infeasible:
         text = sentence(about, "sign", names=m.infeasible, near=near)
@@ -599,7 +602,7 @@ def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
     joints = errors[errors["of"] == "joint"].iloc[loaded_joints(result.held_out.rms)]
     each = make_table("joints", add_units(joints, "rms_validation"))
     if np.allclose(joints["error_raw_validation"], joints["error_validation"]):  # not low-passed
-        each = each.without("of raw torque, unseen")
+        each = each.without("unseen, before low-pass")
     if len(samples) == 1:
         return (each,)
     of_logs = errors[errors["of"] == "log"]

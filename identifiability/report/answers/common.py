@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -190,7 +191,11 @@ class AnsweringPresenter(Presenter, ABC):
         first = commands[0][1]
         where = "rerun" if first.startswith(again) else "run"
         where = where if shown[0] == first else "python"
-        return (*asked, replace(answer("next", where), commands=tuple(lines)))
+        names = re.findall(r"\b\w+\b(?=[,)])", shown[0])
+        known = WORDS["next"]["variables"]
+        variables = [known[name] for name in dict.fromkeys(names) if name in known]
+        step = answer("next", where, variables=variables)
+        return (*asked, replace(step, commands=tuple(lines)))
 
 
 class PredictingPresenter(AnsweringPresenter):
@@ -217,7 +222,7 @@ class PredictingPresenter(AnsweringPresenter):
         return (*super().warnings(), *state_uneven(error, self.result.robot.joints, unexplained))
 
     def reserved(self) -> str:
-        """Return where the page says that its numbers need care; empty if nowhere."""
+        """Return why the numbers need care, for after "but"; empty if they need none."""
         return sentence("quality", "warned") if self.result.warnings else ""
 
     def answer_error(
@@ -253,8 +258,7 @@ class PredictingPresenter(AnsweringPresenter):
             tone = "grey"
         uses = sentence("decision.uses", grade)
         if tone != "vermilion" and reserved:
-            later = f"{uses[0].lower()}{uses[1:]}"
-            uses = sentence("quality", "settled", doubt=reserved, uses=later)
+            uses = sentence("quality", "reserved", doubt=reserved, uses=uses.rstrip("."))
         text = join_sentences(text, uses)
         # A filter makes a difference.
         if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
@@ -343,9 +347,9 @@ def errs_unevenly(error: float, own: float) -> bool:
 
 
 def state_reserved(found: Answer) -> str:
-    """Return which answer must become yes; empty if it is."""
-    green = found.tone == "green"
-    return "" if green else sentence("quality", "asked", question=found.question)
+    """Return the verdict of an answer, for after "but"; empty if it is an unreserved yes."""
+    verdict = first_sentence(found.short).partition(" (")[0]
+    return "" if found.tone == "green" else f"{verdict[:1].lower()}{verdict[1:]}"
 
 
 def answer_trust(

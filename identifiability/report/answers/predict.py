@@ -18,6 +18,7 @@ from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
 from identifiability.workflows.provenance import given_paths
 
+from .analyze import state_interval
 from .commands import compare_line, diagnose_lines, export_line, name_logs
 from .common import (
     AnsweringPresenter,
@@ -50,7 +51,8 @@ class TorquePredictionPresenter(PredictingPresenter):
         """Return the predicted logs, the error, and whether to trust it."""
         result = self.result
         known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
-        text = sentence("prediction.what", "measured", logs=known) if known else ""
+        interval = state_interval(result.errors) if all(result.measured) else ""
+        text = sentence("prediction.what", "measured", logs=known, interval=interval) if known else ""
         question = sentence("prediction.what", "good")
         part = "along" if {*result.logs} & {*result.fit.sides[0]} else "error"
         error = self.answer_error(text, question=question, raw=result.error_ra_raw, part=part)
@@ -63,7 +65,7 @@ class TorquePredictionPresenter(PredictingPresenter):
         return self.result.error_ra, error, rms
 
     def reserved(self) -> str:
-        """Return the question of intervals, unless its answer is an unreserved yes."""
+        """Return the verdict of trust, unless it is an unreserved yes."""
         return state_reserved(_answer_intervals(self.result))
 
     def noise(self) -> Array:
@@ -80,8 +82,9 @@ class TorquePredictionPresenter(PredictingPresenter):
         line = f"predict {self.robot} {given} {every} --out torque.csv"
         table = [command("samples", line)] if result.written("table") is None else []
         missing = [command("missing", line) for line in diagnose_lines(result.fit)[:1]]
-        if _find_few(result) and result.fit.sides[0]:
-            paths = result.fit.sides[0][0], *measured
+        fitted = result.fit.sides[0][:1]
+        if _find_few(result) and fitted and fitted[0] not in measured:
+            paths = *fitted, *measured
             return [command("compare", compare_line(result.robot, paths, None)), *missing, *table]
         export = [] if result.fit.worse else [export_line(result.robot, given)]
         return [*missing, *table, *(command("export", line) for line in export)]
@@ -172,7 +175,7 @@ def _find_few(result: TorquePrediction) -> list[str]:
 
 
 def _answer_intervals(result: TorquePrediction) -> Answer:
-    """Return whether the intervals may be trusted."""
+    """Return whether the prediction and its intervals may be trusted."""
     about = "prediction.trust"
     new = np.array(result.robot.joints)[result.unknown > 0].tolist()
     text = phrase("predicted", "new", joints=new) if new else ""
@@ -185,6 +188,9 @@ def _answer_intervals(result: TorquePrediction) -> Answer:
     if few := _find_few(result):
         meaning = join_sentences(phrase("predicted", "few", joints=few), meaning)
         return answer(about, "no", join_sentences(meaning, text), **holes)
+    if lacks := result.fit.missing:
+        text = join_sentences(sentence(about, f"said_{width}", **holes), meaning, text)
+        return answer(about, "lacks", text, missing=lacks)
     notes = [hint for hint in result.hints if hint_note(hint).level == "warning"]
     grave = first_sentence(*result.warnings, *notes)
     part = f"care_{width}" if grave else width

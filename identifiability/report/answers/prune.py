@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from identifiability.estimation.evidence import LEVELS, may_stand
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
@@ -41,17 +43,6 @@ class LadderPresenter(LadderedPresenter):
         path = path if result.validation else path.without("held out")
         return (path, *error_tables(result))
 
-    def asked(self) -> tuple[Answer, ...]:
-        """Return the model to use, its error with that of the full model, and the reliability."""
-        result = self.result
-        use, error, *others = super().asked()
-        size = len(result.full)
-        if not result.nothing and len(result.chosen) < size:
-            full = result.full.error_ra_validation
-            text = sentence("pruning.use", "full", size=size, error=full)
-            error = replace(error, text=join_sentences(text, error.text))
-        return use, error, *others
-
     def answer_use(self) -> Answer:
         """Return which model is worth using, and the rule that chose it."""
         result = self.result
@@ -69,7 +60,11 @@ class LadderPresenter(LadderedPresenter):
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
         text = join_sentences(why, _state_dropped(result), known, signs, state_nearest(chosen))
         tone = "green" if is_nearly_real(chosen) else "amber"
-        found = answer(about, part, text, tone, size=size, used=used)
+        errors = {"error": chosen.error_ra_validation, "full": result.full.error_ra_validation}
+        cost = ""
+        if np.isfinite(errors["error"]):
+            cost = sentence(about, "cost", size=size, **errors)
+        found = answer(about, part, text, tone, size=size, used=used, cost=cost)
         return replace(found, more=rule)
 
     def notes(self) -> Iterator[Note]:

@@ -45,7 +45,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import predict
-from identifiability.workflows.provenance import state_provenance
+from identifiability.workflows.provenance import given_paths, state_provenance
 
 from .belief import Belief, belief_dict
 
@@ -377,6 +377,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             base_unknown=M @ unknown,
             offsets=M @ measure_offsets(unpruned, whole.estimate),
             missing=self.missing.functions,
+            sides=(given_paths(self.samples), given_paths(self.validation)),
             alternatives=np.stack([to_base @ shift, doubt]),
             servo=self._servo_errors(),
             reading=self.recordings.reading,
