@@ -622,23 +622,29 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
 
 
 @drawn
-def draw_ladder(sizes: Array, fitted: Array, unseen: Array, spread: Array, selected: int) -> Figure:
+def draw_ladder(
+    sizes: Array, other: Array, unseen: Array, spread: Array, selected: int, name: str
+) -> Figure:
     """Draw the error of each model against its size, with the band of one standard error.
+
+    The axis ends at five times the error of the model to use.
 
     Parameters
     ----------
     sizes : (m,)
         Numbers of parameters, descending.
-    fitted, unseen : (m,)
+    other, unseen : (m,)
         ε_RA as fractions.
     spread : (m,)
         Standard error of the difference of `unseen` to the selected model's.
     selected : int
         The model to use.
+    name : str
+        Of the `other` errors.
     """
     figure, (axes,) = canvas(WIDTH, 290, (56, 12, 54, 42))
-    fitted, unseen, spread = (
-        100 * np.where(np.isfinite(x), x, np.nan) for x in (fitted, unseen, spread)
+    other, unseen, spread = (
+        100 * np.where(np.isfinite(x), x, np.nan) for x in (other, unseen, spread)
     )
     half = np.nan_to_num(spread)
     low = unseen - half
@@ -653,9 +659,9 @@ def draw_ladder(sizes: Array, fitted: Array, unseen: Array, spread: Array, selec
     )
     axes.plot(
         sizes,
-        fitted,
+        other,
         "o-",
-        label="fitted stretches",
+        label=name,
         color=MUTED,
         fillstyle="none",
         markersize=4,
@@ -666,11 +672,17 @@ def draw_ladder(sizes: Array, fitted: Array, unseen: Array, spread: Array, selec
     chosen = float(sizes[selected])
     axes.axvline(chosen, color=BLUE, **DASHED)
     above = axes.get_xaxis_transform()
-    axes.text(chosen - 1, 0.98, f"use these {chosen:.0f}", transform=above, color=BLUE, va="top")
-    shown = np.concatenate([unseen, fitted])
-    if (shown[np.isfinite(shown)] > 0).any():  # from the best model to none, all of it
+    left = 4 * chosen < 3 * sizes.max()  # the curve rises at the right
+    text = f"use these {chosen:.0f}"
+    at, side = (chosen + 1, "right") if left else (chosen - 1, "left")
+    axes.text(at, 0.98, text, transform=above, color=BLUE, va="top", ha=side)
+    shown = np.concatenate([unseen, other])
+    if (shown[np.isfinite(shown)] > 0).any():
         axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0, 7.0)))
+        # Models far above the one to use would hide small differences.
+        if 0 < 5 * unseen[selected] < np.nanmax(unseen):
+            axes.set_ylim(top=5 * unseen[selected])
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_locator(NullLocator())
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)

@@ -76,10 +76,24 @@ def profile(result: Analysis, name: str) -> Figure:
 
 
 def reduction_path(result: Ladder) -> Figure:
-    """Draw the error of each model of a pruning against its number of parameters."""
-    submodels = [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in result.models]
-    sizes, fitted, unseen, spread = np.array(submodels).T
-    return draw_ladder(sizes, fitted, unseen, spread, result.selected)
+    """Draw the error of each model of a pruning against its number of parameters.
+
+    Left-out stretches choose the model. Held-out logs judge it; without them the error of the fit
+    is drawn.
+    """
+    held_out = bool(result.validation)
+    name = "held-out logs" if held_out else "fitted stretches"
+    submodels = [
+        (
+            len(r),
+            r.error_ra_validation if held_out else r.error_ra,
+            r.error_ra_unseen,
+            r.error_se,
+        )
+        for r in result.models
+    ]
+    sizes, other, unseen, spread = np.array(submodels).T
+    return draw_ladder(sizes, other, unseen, spread, result.selected, name)
 
 
 def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:

@@ -40,7 +40,7 @@ def draw_all(names, value=1.0):
     wave = value * np.sin(9 * t)
     return [
         draw_first(names, value),
-        figures.draw_ladder(np.arange(k)[::-1] + 1.0, x, x, x, 0),
+        figures.draw_ladder(np.arange(k)[::-1] + 1.0, x, x, x, 0, "x"),
         figures.draw_torque(t, wave, np.sin(9 * t), names[0], "N·m"),
         figures.draw_curve(t, wave, t, t, names[0], ("velocity [rad/s]", "torque [N·m]")),
         figures.draw_intervals(names, x, np.abs(x), "mass [kg]"),
