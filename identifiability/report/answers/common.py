@@ -222,7 +222,7 @@ class PredictingPresenter(AnsweringPresenter):
         return (*super().warnings(), *state_uneven(error, self.result.robot.joints, unexplained))
 
     def reserved(self) -> str:
-        """Return why the numbers need care, for after "but"; empty if they need none."""
+        """Return the verdict of trust and its reason; empty if it is an unreserved yes."""
         return sentence("quality", "warned") if self.result.warnings else ""
 
     def answer_error(
@@ -258,7 +258,8 @@ class PredictingPresenter(AnsweringPresenter):
             tone = "grey"
         uses = sentence("decision.uses", grade)
         if tone != "vermilion" and reserved:
-            uses = sentence("quality", "reserved", doubt=reserved, uses=uses.rstrip("."))
+            later = f"{uses[0].lower()}{uses[1:]}"
+            uses = sentence("quality", "reserved", doubt=reserved, uses=later)
         text = join_sentences(text, uses)
         # A filter makes a difference.
         if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
@@ -347,9 +348,8 @@ def errs_unevenly(error: float, own: float) -> bool:
 
 
 def state_reserved(found: Answer) -> str:
-    """Return the verdict of an answer, for after "but"; empty if it is an unreserved yes."""
-    verdict = first_sentence(found.short).partition(" (")[0]
-    return "" if found.tone == "green" else f"{verdict[:1].lower()}{verdict[1:]}"
+    """Return the verdict of an answer and its reason; empty if it is an unreserved yes."""
+    return "" if found.tone == "green" else capital(first_sentence(found.short).partition(" (")[0])
 
 
 def answer_trust(
