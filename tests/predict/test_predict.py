@@ -59,6 +59,13 @@ def verbs(make_log):
     yield diagnose("two-link", *logs, quick=True, forward=False, fixed=True)
 
 
+def test_a_prediction_says_which_effect_its_fit_lacks_and_how_to_find_it(analysis, make_log):
+    found = analysis.predict(make_log("two-link", "b", 7))
+    found = replace(found, fit=replace(found.fit, missing=("Stribeck friction in elbow",)))
+    assert "Not yet: the model lacks Stribeck friction in elbow." in found.statement
+    assert "diagnose(" in found.next()[0][1]
+
+
 def test_what_is_read_back_predicts_the_same(analysis, make_log, tmp_path):
     log = make_log("two-link", "b", 7)
     path = tmp_path / "result.json"

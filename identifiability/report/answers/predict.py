@@ -52,7 +52,9 @@ class TorquePredictionPresenter(PredictingPresenter):
         result = self.result
         known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
         interval = state_interval(result.errors) if all(result.measured) else ""
-        text = sentence("prediction.what", "measured", logs=known, interval=interval) if known else ""
+        text = (
+            sentence("prediction.what", "measured", logs=known, interval=interval) if known else ""
+        )
         question = sentence("prediction.what", "good")
         part = "along" if {*result.logs} & {*result.fit.sides[0]} else "error"
         error = self.answer_error(text, question=question, raw=result.error_ra_raw, part=part)
