@@ -621,6 +621,12 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
 # Models side by side.
 
 
+def label_line(axes: Axes, x: float, text: str, side: str) -> None:
+    """Write next to a vertical line at x, at the top of the axes."""
+    top = axes.get_xaxis_transform()
+    axes.text(x, 0.98, text, color=BLUE, transform=top, va="top", ha=side)
+
+
 @drawn
 def draw_ladder(
     sizes: Array, other: Array, unseen: Array, spread: Array, selected: int, name: str
@@ -647,8 +653,6 @@ def draw_ladder(
         100 * np.where(np.isfinite(x), x, np.nan) for x in (other, unseen, spread)
     )
     half = np.nan_to_num(spread)
-    low = unseen - half
-    high = unseen + half
     axes.plot(
         sizes,
         unseen,
@@ -667,15 +671,13 @@ def draw_ladder(
         markersize=4,
         linewidth=1,
     )
-    named = "± one standard error"
-    axes.fill_between(sizes, low, high, color=BLUE, alpha=0.16, linewidth=0, label=named)
+    band = sizes, unseen - half, unseen + half
+    axes.fill_between(*band, color=BLUE, alpha=0.16, linewidth=0, label="± one standard error")
     chosen = float(sizes[selected])
     axes.axvline(chosen, color=BLUE, **DASHED)
-    above = axes.get_xaxis_transform()
-    left = 4 * chosen < 3 * sizes.max()  # the curve rises at the right
-    text = f"use these {chosen:.0f}"
-    at, side = (chosen + 1, "right") if left else (chosen - 1, "left")
-    axes.text(at, 0.98, text, transform=above, color=BLUE, va="top", ha=side)
+    # The curve rises at the right: the label is at the left if there is room.
+    side = "right" if 4 * chosen < 3 * sizes.max() else "left"
+    label_line(axes, chosen, f" use these {chosen:.0f} ", side)
     shown = np.concatenate([unseen, other])
     if (shown[np.isfinite(shown)] > 0).any():
         axes.set_yscale("log")

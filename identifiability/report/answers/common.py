@@ -191,11 +191,15 @@ class AnsweringPresenter(Presenter, ABC):
         first = commands[0][1]
         where = "rerun" if first.startswith(again) else "run"
         where = where if shown[0] == first else "python"
-        names = re.findall(r"\b\w+\b(?=[,)])", shown[0])
-        known = WORDS["next"]["variables"]
-        variables = [known[name] for name in dict.fromkeys(names) if name in known]
-        step = answer("next", where, variables=variables)
+        step = answer("next", where, variables=_explain_variables(shown[0]))
         return (*asked, replace(step, commands=tuple(lines)))
+
+
+def _explain_variables(call: str) -> list[str]:
+    """Return the meaning of each variable that a call in Python uses."""
+    known: dict[str, str] = WORDS["next"]["variables"]
+    names = dict.fromkeys(re.findall(r"\b\w+\b(?=[,)])", call))
+    return [known[name] for name in names if name in known]
 
 
 class PredictingPresenter(AnsweringPresenter):

@@ -60,11 +60,7 @@ class LadderPresenter(LadderedPresenter):
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
         text = join_sentences(why, _state_dropped(result), known, signs, state_nearest(chosen))
         tone = "green" if is_nearly_real(chosen) else "amber"
-        errors = {"error": chosen.error_ra_validation, "full": result.full.error_ra_validation}
-        cost = ""
-        if np.isfinite(errors["error"]):
-            cost = sentence(about, "cost", size=size, **errors)
-        found = answer(about, part, text, tone, size=size, used=used, cost=cost)
+        found = answer(about, part, text, tone, size=size, used=used, cost=_state_cost(result))
         return replace(found, more=rule)
 
     def notes(self) -> Iterator[Note]:
@@ -86,6 +82,16 @@ def _state_choice(result: Ladder) -> tuple[str, str]:
         part = "near" if lower <= LEVELS.nats else "rise"
     rule = sentence("pruning.choice", part, lower=lower, nats=LEVELS.nats, rise=LEVELS.rise)
     return sentence("pruning.choice", "smallest", best=len(best)), rule
+
+
+def _state_cost(result: Ladder) -> str:
+    """Return the error on unseen motion, and that of the full model; nothing if unknown."""
+    error = result.chosen.error_ra_validation
+    if not np.isfinite(error):
+        return ""
+    size = len(result.full)
+    full = result.full.error_ra_validation
+    return sentence("pruning.use", "cost", error=error, size=size, full=full)
 
 
 def _state_dropped(result: Ladder) -> str:
