@@ -31,6 +31,7 @@ from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 
 from .answers.common import NAMED, capital, hint_note, sentence, words
+from .answers.compare import list_loaded
 from .answers.tables import make_table, unit_cell
 from .blocks import (
     SHOWN_FIRST,
@@ -135,8 +136,10 @@ def comparison_sections(result: Comparison) -> list[Section | None]:
     """Return the sections of the page."""
     *changed, limits = result.tables()
     course = _sessions(result)
+    bodies = list_loaded(result)
+    frame = sentence("comparison.how", "frame", bodies=bodies) if bodies else ""
     return [
-        section("comparison.changes", *changed) if changed else None,
+        section("comparison.changes", *changed, frame=frame) if changed else None,
         section("comparison.course", course) if course else None,
         section("comparison.limits", limits) if limits.rows else None,
     ]

@@ -284,7 +284,7 @@ class Change:
 
 @frozen(kw_only=True)
 class Unchanged:
-    """A number that did not change, and the least change that would have been named.
+    """The least change of a number that would be named.
 
     Attributes
     ----------
@@ -585,25 +585,24 @@ def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[fl
     return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
 
 
-def list_unchanged(
-    found: Differences, terms: Terms, changes: Sequence[Change]
-) -> tuple[Unchanged, ...]:
-    """Return what did not change at each joint and body, in the order of the robot.
+def list_unchanged(found: Differences, terms: Terms) -> tuple[Unchanged, ...]:
+    """Return the least changes that would be named, in the order of joints.
+
+    What changed is left out, but for loads: their least change is that without any load.
 
     Parameters
     ----------
     found : Differences
     terms : tuple of Term
-    changes : sequence of Change
-        Of these terms.
     """
     levels = np.abs(found.levels(found.known.base))
     changed = {
         (found.columns[n][0].family.name, found.columns[n][0].place)
         for term in terms
         for n in found.at(term).tolist()
-        if found.whose(term).pattern
+        if found.whose(term).pattern and found.whose(term).kind != "load"
     }
+    unloaded = tuple(t for t in terms if found.whose(t).kind != "load")
     out = []
     for group in found.groups:
         columns = found.columns_of(group.members[0])
@@ -615,7 +614,8 @@ def list_unchanged(
         if first.kind == "load":  # of 1 kg at the centre of the body
             unit_change = _body_of_one(found.missing.seen.robot, first.place)[: len(columns)]
         level = float(levels[columns[0]])
-        least = found.model.least_named(terms, group, unit_change)
+        others = unloaded if first.kind == "load" else terms
+        least = found.model.least_named(others, group, unit_change)
         sizes = unit_change * (least if np.isfinite(least) else 0.0)
         square = (len(sizes), len(sizes))
         felt = FeltTorque.of(found, columns, sizes, np.zeros(square))

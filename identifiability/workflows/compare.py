@@ -77,8 +77,8 @@ class Comparison(OfStructure, Result):
         Logs on either side.
     changes : tuple of Change
         The surest first.
-    unchanged : tuple of Unchanged
-        What else may change at each joint and body.
+    limits : tuple of Unchanged
+        What else may change at each joint and body, and its least change that would be named.
     lacks : tuple of str
         Effects that the model lacks in all logs.
     hints : tuple of str
@@ -97,7 +97,7 @@ class Comparison(OfStructure, Result):
     before: tuple[str, ...]
     after: tuple[str, ...]
     changes: tuple[Change, ...]
-    unchanged: tuple[Unchanged, ...]
+    limits: tuple[Unchanged, ...]
     lacks: tuple[str, ...]
     hints: tuple[str, ...]
     preparation: Preparation
@@ -110,6 +110,12 @@ class Comparison(OfStructure, Result):
     def answer(self) -> str:
         """The changes, in one sentence."""
         raise NotImplementedError
+
+    @property
+    def unchanged(self) -> tuple[Unchanged, ...]:
+        """Numbers that did not change."""
+        loaded = {change.place for change in self.changes if change.kind == "load"}
+        return tuple(x for x in self.limits if x.kind != "load" or x.place not in loaded)
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield one row a number that changed; the surest change of a name stands last."""
@@ -260,7 +266,7 @@ def compare(
         before=earlier,
         after=later,
         changes=changes,
-        unchanged=list_unchanged(found, terms, changes),
+        limits=list_unchanged(found, terms),
         lacks=list_lacks(found, terms),
         hints=hints,
         preparation=case.preparation or Preparation(),

@@ -72,8 +72,7 @@ class ComparisonPresenter(AnsweringPresenter):
         every, k = shorten_paths((*result.before, *result.after)), len(result.before)
         question = sentence("comparison.how", "question", before=every[:k], after=every[k:])
         tone = "vermilion" if result.changes else "green"
-        loads = any(change.kind == "load" for change in result.changes)
-        use = sentence("comparison.how", "load") if loads else ""
+        use = sentence("comparison.how", "load") if list_loaded(result) else ""
         text = join_sentences(*map(_state_evidence, result.changes), use)
         changed = Answer(question, result.answer, text, tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
@@ -112,7 +111,7 @@ class ComparisonPresenter(AnsweringPresenter):
         """Return a row for each number that changed, then the least changes that would show."""
         every = (part for change in self.result.changes for part in change.parts or (change,))
         changed = [row for change in every for row in _change_rows(change)]
-        limits = _limit_table(self.result.unchanged)
+        limits = _limit_table(self.result.limits)
         if not changed:
             return (limits,)
         table = make_table("comparison", changed)
@@ -258,6 +257,11 @@ def table_changes(changes: Sequence[Change], caption: str) -> Table:
     return frame_table(frame.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
 
 
+def list_loaded(result: Comparison) -> list[str]:
+    """Return the bodies whose load changed."""
+    return [change.place for change in result.changes if change.kind == "load"]
+
+
 def _title(change: Change | Unchanged) -> str:
     """Return what changed, without its place."""
     return change.what.removesuffix(f" of {change.place}")
@@ -266,7 +270,7 @@ def _title(change: Change | Unchanged) -> str:
 def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     """Yield the rows of a change: its first number, and others whose intervals exclude zero.
 
-    The first row has the torque, the logs and the rivals of all of them.
+    The first row has torque, probability, logs and rivals of all of them.
     """
     probability = state_probability(change.odds).removeprefix("probability ")
     rivals = "; ".join(state_alternatives(change))
@@ -276,7 +280,7 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
             continue
         what = Cell(name, note="" if k else capital(change.what))
         yield what, *_state_number(change, k), *more
-        more = "", probability, "", ""
+        more = "", "", "", ""
 
 
 def _state_torque(change: Change) -> str:
