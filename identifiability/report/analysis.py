@@ -55,7 +55,8 @@ from .values_table import joint_values
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    about = f"{count_joints(analysis.robot)} · {count_logs(analysis)}"
+    model = "" if analysis.nothing else f"{model_title(analysis.chosen).removeprefix('the ')} · "
+    about = f"{model}{count_joints(analysis.robot)} · {count_logs(analysis)}"
     return "Identifiability report", f"{analysis.robot.path.name} · {about}"
 
 

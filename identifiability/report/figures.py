@@ -489,7 +489,7 @@ def draw_curve(
     points = np.stack([x, data], 1)[rows]
     # Strokes without length are a tenth of the size of markers.
     strokes(axes, points, points, MUTED, linewidth=3.0, capstyle="round", alpha=0.6)
-    axes.plot([], [], ".", color=MUTED, label="residual")
+    axes.plot([], [], ".", color=MUTED, label="measured less the rest")
     order = np.argsort(x)
     along = learned[order]
     low = along - REACH * spread[order]
@@ -503,16 +503,18 @@ def draw_curve(
             ".",
             markersize=3.0,
             color=BLUE,
-            label="learned",
+            label="fitted",
         )
     else:
-        axes.fill_between(x[order], low, high, color=BLUE, alpha=0.2, linewidth=0, label="95 %")
+        # A band that is thinner than the line cannot be seen: the legend leaves it out.
+        label = "95 %" if np.mean(high - low) > 0.02 * np.ptp(data) else None
+        axes.fill_between(x[order], low, high, color=BLUE, alpha=0.2, linewidth=0, label=label)
         axes.plot(
             x[order],
             along,
             color=BLUE,
             linewidth=1.2,
-            label="learned",
+            label="fitted",
         )
     legend_above(axes, ncols=3)
     label_axes(axes, *labels, title)

@@ -178,7 +178,8 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
     before = residual[..., 0]
     lines = {"residual without": before, "with the effect": residual[..., -1]}
     t = gap.t[0]
-    return move_with_torque(d.robot, sample.motion, t, torque, lines, sample.name, before)
+    about = d.robot, sample.motion, t, torque, lines, sample.name, before
+    return move_with_torque(*about, "explained" if d.included else "")
 
 
 def diagnosis_below(d: Diagnosis) -> Picture | None:

@@ -33,7 +33,7 @@ from identifiability.foundation.rounding import superscript
 from identifiability.foundation.values import frozen
 from identifiability.foundation.wording import at_terminal
 
-from .answers.common import first_sentence, hint_note, note
+from .answers.common import first_sentence, hint_note, name_forces, note, pushes
 from .answers.python_lines import in_python
 from .blocks import (
     Answers,
@@ -74,6 +74,8 @@ class Page:
         What belongs to the answer: `Answers`, caveats, a short list.
     kind : str
         Schema of the result that it shows, if it is one's.
+    forces : bool
+        Whether all motors of its robot push.
     """
 
     title: str
@@ -83,6 +85,7 @@ class Page:
     subtitle: str = ""
     summary: Sequence[Block] = ()
     kind: str = ""
+    forces: bool = False
 
     @property
     def has_detail(self) -> bool:
@@ -101,7 +104,7 @@ def _within(blocks: Iterable[Any]) -> Iterator[Any]:
 
 def render_page(page: Page) -> str:
     """Return a page as HTML that loads no other file and runs only its own script."""
-    environment = page_environment()
+    environment = page_environment(forces=page.forces)
     kinds = set(map(kind_of, _within((*page.summary, *page.sections))))
     zoomed = "traces" in kinds
     names = ["page.js", *(("uplot/uPlot.js", "traces.js") if zoomed else ())]
@@ -144,8 +147,11 @@ def _template_text(name: str) -> str:
 
 
 @cache
-def page_environment() -> Environment:
-    """Return the Jinja environment of the templates; everything is escaped."""
+def page_environment(*, forces: bool = False) -> Environment:
+    """Return the Jinja environment of the templates; everything is escaped.
+
+    Where all motors push, sentences speak of forces.
+    """
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -153,10 +159,15 @@ def page_environment() -> Environment:
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    environment.filters["symbols"] = set_symbols
+    environment.filters["symbols"] = _set_forces if forces else set_symbols
     known = (kind_of, mark_of, words_of, sort_key)
     environment.globals |= {function.__name__: function for function in known}
     return environment
+
+
+def _set_forces(text: str) -> Markup:
+    """Return a text as `set_symbols` does, with the word force where it has torque."""
+    return set_symbols(text if isinstance(text, Markup) else name_forces(text))
 
 
 def _powered(found: re.Match[str]) -> str:
@@ -232,6 +243,7 @@ def build_page(result: Result) -> Page:
     return Page(
         title=title,
         kind=result.schema,
+        forces=pushes(getattr(result, "robot", None)),
         overline=overline,
         subtitle=subtitle,
         statement=statement,

@@ -296,7 +296,7 @@ def move_with_torque(
     k = robot.joints.index(name)
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     how = how or ("loaded" if residual is None else "missed")
-    word, of = ("misses", "") if how == "missed" else ("differs by", " of its variation")
+    word, of = ("differs by", " of its variation") if how == "changed" else ("misses", "")
     each = zip(share[:, k], np.isfinite(torque[:, k]), strict=True)
     missed = [f"{name} {word} {100 * x:.0f} %{of}" if known else name for x, known in each]
     own = {what: y[:end, k] for what, y in lines.items()}

@@ -27,7 +27,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import BaseParameters
-from identifiability.robot.robot import last_bodies
+from identifiability.robot.robot import Robot, last_bodies
 from identifiability.workflows.predict import Fit
 from identifiability.workflows.wrong_bodies import WrongBodies, find_wrong_bodies
 
@@ -105,6 +105,23 @@ def hint_note(hint: str) -> Note:
     return note(own.get(hint.key, "read"), hint=hint)
 
 
+def pushes(robot: Any) -> bool:
+    """Return whether all actuated joints of a robot slide."""
+    return isinstance(robot, Robot) and {*robot.torque_units} == {"N"}
+
+
+def name_forces(text: str) -> str:
+    """Return a text with the word force where it has torque, but for names of methods and files.
+
+    Examples
+    --------
+    >>> name_forces("The torque variation, for computed-torque control: torque.csv")
+    'The force variation, for computed-torque control: torque.csv'
+    """
+    text = re.sub(r"(?<![-\w])torque(?!\.)(?=s?\b)", "force", text)
+    return re.sub(r"\bTorque(?=s?\b)", "Force", text)
+
+
 #: Words for an error on unseen motion, the smallest first, with their colour.
 TONES = {"very-good": "green", "good": "green", "fair": "amber"}
 TONES |= dict.fromkeys(("poor", "useless"), "vermilion")
@@ -175,10 +192,17 @@ class AnsweringPresenter(Presenter, ABC):
         """The robot of a command with its sidecar, base and locks as options."""
         return source_name(self.result.robot)
 
+    def _name_quantity(self, told: Answer) -> Answer:
+        """Return an answer that speaks of forces where all actuated joints slide."""
+        if not pushes(self.result.robot):
+            return told
+        names = ("question", "short", "text", "more")
+        return replace(told, **{name: name_forces(getattr(told, name)) for name in names})
+
     def answers(self) -> tuple[Answer, ...]:
         """Return the answers, and what to do next."""
         commands = tuple(self.commands())
-        asked = tuple(self.asked())
+        asked = tuple(map(self._name_quantity, self.asked()))
         if not commands:
             return asked
         again = f"identifiability {self.verb} "

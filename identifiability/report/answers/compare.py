@@ -19,6 +19,7 @@ from identifiability.foundation.rounding import (
     REACH,
     format_number,
     measured,
+    probability_text,
     state_probability,
     stated_text,
 )
@@ -254,7 +255,8 @@ def table_changes(changes: Sequence[Change], caption: str) -> Table:
     shown = ["what", "name", "change", "low", "high", "unit", "log_odds", "logs", "or"]
     frame = frame_changes(changes)[shown]
     frame = frame.loc[:, (frame != "").any()]  # no alternatives are named unless there are some
-    return frame_table(frame.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
+    frame["log_odds"] = frame["log_odds"].map(probability_text)
+    return frame_table(frame.rename(columns={"log_odds": "probability", "logs": "in"}), caption)
 
 
 def list_loaded(result: Comparison) -> list[str]:
@@ -272,7 +274,7 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
 
     The first row has torque, probability, logs and rivals of all of them.
     """
-    probability = state_probability(change.odds).removeprefix("probability ")
+    probability = probability_text(change.odds)
     rivals = "; ".join(state_alternatives(change))
     more = _state_torque(change), probability, change.when, rivals
     for k, name in enumerate(change.names):

@@ -13,7 +13,7 @@ import pandas as pd
 from scipy.special import expit, logit
 
 from identifiability.effects import find_family, title_of
-from identifiability.foundation.answers import Answer, Note, Table
+from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
@@ -455,7 +455,7 @@ def _list_doubts(d: Diagnosis) -> Iterator[Note]:
 def _state_refuted(x: Odds, d: Diagnosis) -> str:
     """Return that the motion that verifies did not confirm an effect."""
     name = capital(name_place(x.name, x.place))
-    holes = {"before": state_probability(x.before), "gain": f"{x.unseen:.2g}".replace("-", "−")}
+    holes = {"before": state_probability(x.before), "gain": state_probability(x.unseen)}
     return sentence("diagnosis.doubts", "refuted", name=name, verified=d.verified_on, **holes)
 
 
@@ -475,7 +475,8 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
     units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
     of_any = " or ".join(dict.fromkeys(d.robot.torque_units))
     for e in d.effects:
-        name = " or ".join(list_names(e))
+        equation = find_family(e.name).effect.equation
+        name = Cell(" or ".join(list_names(e)), note=equation)
         for p in e.placements:
             added = unit_cell(p.rms, units.get(p.place, of_any))
             for parameter, value, error, unit in p.rows:

@@ -879,7 +879,7 @@ def _place(naming: Naming, k: int) -> Placement:
     parameters = part.parameters(naming.problem.robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
     sizes = [float(np.sqrt(np.mean(x**2))) for x in added]
-    peaks = [float(np.abs(x).max(initial=0.0)) for x in added]
+    peaks = [float(np.abs(_law(naming, k, j) @ value).max(initial=0.0)) for j in naming.acts(k)]
     every = [r.group for r in part.rivals]  # a family everywhere is here, too
     rivals = [Rival(g.family, g.place.replace(EVERYWHERE, c.place)) for g in every]
     names = tuple(x.name for x in parameters)
@@ -914,6 +914,16 @@ def _unfiltered(naming: Naming, part: Part) -> Array:
     return columns
 
 
+def _law(naming: Naming, k: int, j: int) -> Array:
+    """Return the columns of a part at a joint, (N, m); of a law of the motion without low-pass."""
+    c = naming.parts[k].candidate
+    remembers = c.family.remembers or naming.problem.robot.closed
+    if remembers or c.family.against not in ("velocity", "position"):
+        columns: Array = naming.columns([k], j)
+        return columns
+    return _unfiltered(naming, c.part)[:, j]
+
+
 def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     """Return the learned law of a part along the fitted motion."""
     c = naming.parts[k].candidate
@@ -922,11 +932,9 @@ def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     columns = {j: naming.columns([k], j) for j in naming.acts(k)}
     sizes = {j: np.abs(own @ placed.values).sum() for j, own in columns.items()}
     j = max(sizes, key=sizes.__getitem__)
-    law = columns[j]
     of = c.effect.drawn_over(robot, j)
-    added = law @ placed.values
-    if c.family.against in ("velocity", "position") and not (c.family.remembers or robot.closed):
-        law = _unfiltered(naming, c.part)[:, j]
+    added = columns[j] @ placed.values
+    law = _law(naming, k, j)
     x = rows.along(of)[c.family.against]
     variance = law**2 @ placed.errors**2
     data = left[:, j] + added
