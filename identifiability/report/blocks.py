@@ -507,7 +507,7 @@ def motion_traces(
         for name, bound in zip(("least", "largest"), limits.T, strict=True):
             shown = np.where(np.abs(bound) < far, bound, np.nan)
             lines[f"{name} allowed"] = np.tile(shown, (len(t), 1))
-    return traces(t, joints, units, lines, quantity, quantity.capitalize())
+    return traces(t, joints, units, lines, quantity)
 
 
 def torque_lines(measured: Array, predicted: Array) -> dict[str, Array]:

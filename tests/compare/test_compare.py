@@ -95,7 +95,9 @@ def test_a_load_hangs_on_the_open_end_and_is_as_sure_as_gains_that_drift():
         for r, move in zip((robot, robot.with_payload(mass=20.0)), moves, strict=True)
     )
     drift = default_rng(4).normal(1.0, 0.02, 4)
-    (load,) = compare(robot, first, replace(second, tau=second.tau * drift)).changes
+    found = compare(robot, first, replace(second, tau=second.tau * drift))
+    ((load,), (least,)) = found.changes, [x.least for x in found.limits if x.kind == "load"]
+    assert load.sd[0] < least < load.sizes[0]
     assert (load.kind, load.place) == ("load", "tool")
     assert abs(load.sizes[0] - 20.0) < 3 * load.sd[0]
     assert load.sd[0] < 2

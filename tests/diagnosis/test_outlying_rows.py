@@ -29,6 +29,8 @@ def test_a_burst_leaves_the_study_its_name_and_its_error(rows, size, study):
     logs = [burst, study / "run2.csv"]
     found = diagnose(study / "robot.urdf", logs, study / "run3.csv", forward=False, quick=True)
     assert [(e.name, e.joints) for e in found.effects] == [("stribeck_friction", ("joint_2",))]
+    (placed,) = found.effects[0].placements
+    assert placed.peak <= placed.values[0]
     assert found.held_after < 0.0125
     assert "the torque of joint_2 is up to" in found.details
     same = analyze(study / "robot.urdf", logs, study / "run3.csv", found, replicates=0).chosen

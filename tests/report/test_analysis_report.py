@@ -27,6 +27,7 @@ def test_the_answer_stands_at_the_top(html, paper_analysis):
     for answer in paper_analysis.answers():
         assert answer.short.replace("`", "") in text
         assert answer.text.count(". ") < 2
+    assert "torque" not in text.replace("computed-torque", "")  # its motors push
 
 
 def test_all_sections_are_there_and_linked(html):
