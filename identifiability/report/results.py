@@ -243,7 +243,7 @@ def build_page(result: Result) -> Page:
     return Page(
         title=title,
         kind=result.schema,
-        forces=pushes(getattr(result, "robot", None)),
+        forces=pushes(result),
         overline=overline,
         subtitle=subtitle,
         statement=statement,

@@ -105,8 +105,9 @@ def hint_note(hint: str) -> Note:
     return note(own.get(hint.key, "read"), hint=hint)
 
 
-def pushes(robot: Any) -> bool:
-    """Return whether all actuated joints of a robot slide."""
+def pushes(result: Any) -> bool:
+    """Return whether all actuated joints of the robot of a result slide."""
+    robot = getattr(getattr(result, "analysis", result), "robot", None)
     return isinstance(robot, Robot) and {*robot.torque_units} == {"N"}
 
 
@@ -194,7 +195,7 @@ class AnsweringPresenter(Presenter, ABC):
 
     def _name_quantity(self, told: Answer) -> Answer:
         """Return an answer that speaks of forces where all actuated joints slide."""
-        if not pushes(self.result.robot):
+        if not pushes(self.result):
             return told
         names = ("question", "short", "text", "more")
         return replace(told, **{name: name_forces(getattr(told, name)) for name in names})
