@@ -1,11 +1,16 @@
 """A label says what it stands for: on the shipped closed chain no number bears a wrong name."""
 
+from types import SimpleNamespace
+from unittest.mock import Mock
+
+import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, new_study
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.rounding import format_measured
 from identifiability.workflows import case
+from identifiability.workflows.analyze import judge
 
 #: Whose friction the file states as it was planted.
 SLIDERS = [f"slider{k}.Fv" for k in (1, 2, 3)]
@@ -35,6 +40,15 @@ def test_a_mass_that_an_offset_of_its_slider_could_be_is_identifiable_without_it
     reasons = {v.name: v.reason for v in found.chosen.verdicts}
     assert "if slider3 has no torque offset" in reasons["leg3_upper.m"]
     assert "leg3_upper.m" in of_key(found.hints, "excluded_offsets")[0]
+
+
+def test_an_offset_of_the_model_needs_no_second_one(monkeypatch):
+    monkeypatch.setattr(judge, "allow_offsets", lambda *_: np.ones((2, 2)))
+    robot = SimpleNamespace(joints=("a", "b"))
+    submodel = SimpleNamespace(columns=("a.off", "b.Fc"))
+    model = Mock(structure=SimpleNamespace(robot=robot), submodel=submodel)
+    fit = SimpleNamespace(sigma=np.zeros(2), value=np.ones(2))
+    assert judge._exclude_offsets(model, fit) == (("b",), ("b",))
 
 
 def test_one_value_has_one_error_and_a_reason_where_exports_get_another(found, tmp_path):

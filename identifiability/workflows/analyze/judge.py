@@ -91,6 +91,8 @@ def _exclude_offsets(model: FittedModel, fit: Fit) -> tuple[tuple[str, ...], ...
     """Return the joints of which each parameter is sure only without a torque offset, (k,)."""
     joints = model.structure.robot.joints
     offsets = allow_offsets(model.information, model.estimate)[:, -len(joints) :]
+    # Next to gaps an offset of the model is not quite constant, and another one would be.
+    offsets[:, np.isin([f"{joint}.off" for joint in joints], model.submodel.columns)] = 0.0
     wide = np.hypot(fit.sigma[:, None], offsets)
     largest = Thresholds().sigma_percent / 100 * np.abs(fit.value)
     unsure = wide > largest[:, None]
