@@ -324,21 +324,23 @@ def find_nearest(model: FittedModel, cad_weight: float) -> PhysicalResult:
         nearest = _projection(model, cad_weight).solve(data)
     except ValueError as error:
         return replace(found, sentence=f" No physically consistent values were found: {error}")
-    nearest = replace(nearest, phi=leave_to_terms(structure, data.R, nearest.phi))
-    phi = dict(zip(structure.columns, nearest.phi, strict=True))
-    every = [phi, *file_values(structure.robot, phi)]
-    base = np.array([[values[n] for n in phi] for values in every]) @ structure.G.T
+    found = replace(found, nearest=nearest)
     unsure = "" if nearest.accurate else " The solver is not sure that no real robot is nearer."
     replaced = draw_bodies(structure)[1] if cad_weight else ""
-    sentence = f"{unsure} {replaced}".rstrip()
-    return replace(
-        found,
-        nearest=nearest,
-        value=model.to_x @ nearest.phi,
-        base=base[0],
-        in_files=base[1:],
-        sentence=sentence,
-    )
+    found = replace(found, sentence=f"{unsure} {replaced}".rstrip())
+    return with_values(found, model, leave_to_terms(structure, data.R, nearest.phi))
+
+
+def with_values(found: PhysicalResult, model: FittedModel, phi: Array) -> PhysicalResult:
+    """Return a result whose nearest physically consistent robot has other parameters, (p,)."""
+    assert found.nearest is not None
+    structure = model.structure
+    values = dict(zip(structure.columns, phi, strict=True))
+    every = [values, *file_values(structure.robot, values)]
+    base = np.array([[x[n] for n in values] for x in every]) @ structure.G.T
+    nearest = replace(found.nearest, phi=phi)
+    value = model.to_x @ phi
+    return replace(found, nearest=nearest, value=value, base=base[0], in_files=base[1:])
 
 
 def _believe(model: FittedModel, cad_weight: float) -> LeastSquares:

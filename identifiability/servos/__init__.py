@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from .calibration import calibrate_torque, roll_delayed
 from .first_answer import FirstAnswer
-from .fit import fit_rollouts
+from .fit import fit_rollouts, follows_better
 from .follow import delay_commands, follow_commands
 from .gains import file_shares, learn_gains, select_commanded, state_gains
 from .odd_joints import find_odd_joints
@@ -33,6 +33,7 @@ __all__ = [
     "find_odd_joints",
     "fit_rollouts",
     "follow_commands",
+    "follows_better",
     "forgotten",
     "learn_gains",
     "replace_servo",

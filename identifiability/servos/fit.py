@@ -90,6 +90,36 @@ def fit_rollouts(
     return conclude(problem, end)
 
 
+def follows_better(
+    robot: Robot, logs: Sequence[Log], found: Rollouts, other: Mapping[str, float]
+) -> bool:
+    """Return whether the numbers of rollouts follow their logs better than other parameters.
+
+    The mean over the joints of the logarithm of their error counts.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the servos that rollouts found.
+    logs : sequence of Log
+        In the robot's order of joints.
+    found : Rollouts
+    other : mapping of str to float
+        Standard parameters by name.
+    """
+    windows = thin_windows(cut_windows(logs))
+    fixed = np.zeros((len(KINDS), len(robot.joints)), bool)
+    errors = []
+    for values in (found.parameters, other):
+        machine = CommandedRobot(robot, {**drop_follower_friction(robot), **values})
+        problem = RolloutProblem(machine, windows, fixed)
+        x = problem.pack(machine.numbers(), found.delays)
+        errors.append(problem.errors(problem.roll([x])[0]))
+    ours, theirs = np.array(errors)
+    moves = (ours > 0) & (theirs > 0)
+    return bool(np.mean(np.log(theirs[moves] / ours[moves])) > 0)
+
+
 def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:
     """Return rollouts with divided gains of the servos, and the factor.
 

@@ -17,18 +17,20 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
+from identifiability.logs.commands import of_commands
 from identifiability.physical.cad_prior import WEAK, WEIGHTS
 from identifiability.physical.feasibility import (
     PhysicalResult,
     certify_model,
     choose_prior,
     find_nearest,
+    with_values,
 )
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
-from identifiability.workflows.case import WeightedRows
+from identifiability.workflows.case import Data, WeightedRows
 
 from .shared_errors import SharedErrors, measure_shared_errors
 
@@ -179,6 +181,29 @@ def fit_with_robot(
     return LadderFit(model, robot, score, chosen.score, np.stack([free, chosen.values], 2))
 
 
+def move_by_rollouts(fit: LadderFit, data: Data) -> LadderFit:
+    """Return a fit whose robot has the numbers of rollouts, if they follow the logs better.
+
+    Least squares of torque weights errors of positions by the gains, and loses precision with each
+    row without torque.
+    """
+    from identifiability.servos import follows_better  # noqa: PLC0415 - MuJoCo
+
+    robot = data.structure.robot
+    rolled = data.recordings.rolled
+    logs = [log.select(robot.joints) for log in data.recordings.fitted if of_commands(log)]
+    if fit.robot.nearest is None or not follows_better(robot, logs, rolled, fit.robot.parameters()):
+        return fit
+    known = {**robot.nominal, **rolled.parameters}
+    phi = np.array([known.get(name, 0.0) for name in data.structure.columns])
+    moved = with_values(fit.robot, fit.model, phi)
+    if moved.within(fit.model.submodel) is None:
+        return fit
+    crossed = fit.crossed.copy()
+    crossed[:, :, 1] += moved.base - fit.robot.base
+    return replace(fit, robot=moved, crossed=crossed)
+
+
 @frozen
 class FittedLadder:
     """Fitted models of a ladder and their predictions.
@@ -218,6 +243,8 @@ def compute_ladder(
     estimator = estimate_noise(rows.estimator, rows.information)
     weighted = rows.information, estimator
     fits, folds, short = fit_ladder(data.structure, submodels, *weighted, cad_weight)
+    if data.recordings.rolled is not None:
+        fits = [move_by_rollouts(one, data) for one in fits]
     values = np.concatenate([one.values for one in fits], axis=1)
     crossed = np.concatenate([one.turned for one in fits], axis=2)
     tasks = [Task(values[None]), *([] if data.validation else [Task(crossed, folds)])]
