@@ -83,6 +83,11 @@ class ModelEntry(BaseModel):
         {},
         {"slider1.v1": 2.5},
     )
+    refuted: list[str] = key(
+        "Effects that `diagnose` left out, because held-out motion contradicts them.",
+        [],
+        ["hysteresis"],
+    )
 
 
 class LadderEntry(BaseModel):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from identifiability.effects import title_of
 from identifiability.effects.base import apply_tilt
 from identifiability.estimation.combinations import find_combinations
 from identifiability.estimation.prediction import Prediction, change_interval, loaded_joints
@@ -46,6 +47,7 @@ from .common import (
     WORDS,
     Command,
     PredictingPresenter,
+    advise_motion,
     after_mass,
     answer,
     answer_trust,
@@ -428,7 +430,7 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     doubt = result.chosen.unjudged
     if result.nothing:
         doubt = sentence("laddered.trust", "nothing", why=result.nothing)
-    missing = result.missing.statement
+    missing = _state_missing(result)
     odd = [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
     headline = first_sentence(*odd)
     notes = [n for n in result.cautions() if first_sentence(n.text) != headline]
@@ -438,6 +440,19 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     others = () if usual.tone == "green" else (usual.short, usual.text)
     text = join_sentences(_state_measurement(result), *others)
     return replace(usual, short=odd[0], text=text, tone="amber")
+
+
+def _state_missing(result: Laddered[Any]) -> str:
+    """Return the effects that the model lacks, and those that `diagnose` could not confirm."""
+    missing = result.missing.statement
+    models = result.source.entry.models if result.source else []
+    lacking = {t.group.family for t in result.missing.named}
+    refuted = [name for m in models for name in m.refuted if name in lacking]
+    if not (missing and refuted):
+        return missing
+    names = [title_of(name) for name in refuted]
+    holes = {"names": names, "count": names, "motion": advise_motion(refuted)}
+    return sentence("trust", "refuted", missing=missing, **holes)
 
 
 def _state_in_doubt(result: Laddered[Any]) -> str:

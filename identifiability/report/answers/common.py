@@ -16,13 +16,14 @@ from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
+from identifiability.effects import find_family
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Note
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, Level, fill, phrase
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import Presenter
-from identifiability.foundation.rounding import REACH, format_number, stated_text
+from identifiability.foundation.rounding import REACH, format_number, join, stated_text
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import Submodel
@@ -248,7 +249,11 @@ class PredictingPresenter(AnsweringPresenter):
         """
         error, each, rms = self.errors()
         unexplained = np.where(is_noise(rms, self.noise()), np.nan, each)
-        return (*super().warnings(), *state_uneven(error, self.result.robot.joints, unexplained))
+        return (*super().warnings(), *self._list_uneven(error, unexplained))
+
+    def _list_uneven(self, error: float, each: Array) -> list[Finding]:
+        diagnosed = self.verb == "diagnose"
+        return state_uneven(error, self.result.robot.joints, each, diagnosed=diagnosed)
 
     def reserved(self) -> str:
         """Return the verdict of trust and its reason; empty if it is an unreserved yes."""
@@ -348,7 +353,9 @@ def torque_noise(samples: Sequence[Dataset]) -> Array:
     return least
 
 
-def state_uneven(error: float, joints: Sequence[str], each: Array) -> list[Finding]:
+def state_uneven(
+    error: float, joints: Sequence[str], each: Array, *, diagnosed: bool = False
+) -> list[Finding]:
     """Return that one joint errs far more than all joints together, if one does.
 
     Parameters
@@ -358,11 +365,13 @@ def state_uneven(error: float, joints: Sequence[str], each: Array) -> list[Findi
     joints : sequence of str
     each : (n,)
         The same of each joint over its own scale; nan where its torque was not measured.
+    diagnosed : bool
+        Whether `diagnose` has looked for effects.
     """
     joint, worst = worst_joint(joints, each)
     if not (joint and np.isfinite(error) and errs_unevenly(error, worst)):
         return []
-    return [Finding("uneven", joint=joint, error=worst, together=error)]
+    return [Finding("uneven", joint=joint, error=worst, together=error, diagnosed=diagnosed)]
 
 
 def errs_unevenly(error: float, own: float) -> bool:
@@ -374,6 +383,13 @@ def errs_unevenly(error: float, own: float) -> bool:
         return False
     poor = TONES[grade_of(error)] == "green" and TONES[grade_of(own)] == "vermilion"
     return poor or own > RULES.uneven * error
+
+
+def advise_motion(families: Sequence[str]) -> str:
+    """Return the motion that would tell families of effects apart."""
+    motions = [find_family(name).told_by for name in families]
+    known = join(list(dict.fromkeys(filter(None, motions))))
+    return known or sentence("diagnosis.doubts", "motion")
 
 
 def state_reserved(found: Answer) -> str:

@@ -33,6 +33,7 @@ from .common import (
     VISIBLE,
     Command,
     PredictingPresenter,
+    advise_motion,
     after_mass,
     answer,
     capital,
@@ -185,7 +186,10 @@ class DiagnosisPresenter(PredictingPresenter):
             name = name_place(most.name, most.place)
             sure = state_probability(most.after)
             part = "likeliest" if most.after > 0 else "unexplained"
-            parts.append(sentence(about, part, name=name, probability=sure))
+            if (most.name, most.place) in [(x.name, x.place) for x in result.refuted]:
+                part = "refuted"
+            holes = {"verified": result.verified_on, "motion": advise_motion([most.name])}
+            parts.append(sentence(about, part, name=name, probability=sure, **holes))
         parts.append(sentence(about, "looks", looks=_state_looks(result)))
         return " ".join(parts)
 
@@ -441,7 +445,8 @@ def _list_doubts(d: Diagnosis) -> Iterator[Note]:
     about = "diagnosis.doubts"
     for e in d.effects:
         if e.alternatives:
-            text = sentence(about, "rivals", name=name_effect(e), advice=advise_motion(e))
+            motion = advise_motion([e.name, *e.alternatives])
+            text = sentence(about, "rivals", name=name_effect(e), motion=motion)
             yield _write_note("rivals", text)
         if e.unnamed:
             part = "near" if e.nearest else "alone"
@@ -457,14 +462,6 @@ def _state_refuted(x: Odds, d: Diagnosis) -> str:
     name = capital(name_place(x.name, x.place))
     holes = {"before": state_probability(x.before), "gain": state_probability(x.unseen)}
     return sentence("diagnosis.doubts", "refuted", name=name, verified=d.verified_on, **holes)
-
-
-def advise_motion(e: NamedEffect) -> str:
-    """Return the motion that would tell an effect from its alternatives."""
-    motions = [find_family(name).told_by for name in (e.name, *e.alternatives)]
-    known = join(list(dict.fromkeys(filter(None, motions))))
-    motion = known or sentence("diagnosis.doubts", "motion")
-    return sentence("diagnosis.doubts", "advice", motion=motion)
 
 
 # What to do next.

@@ -449,7 +449,9 @@ class Diagnosis(Result, Predicts):
             replace(self.used.reduction, name="the diagnosed model"), self.completed
         )
         effects = [*list_asked_effects(self.completed)]
-        return LadderEntry(models=[entry.model_copy(update={"effects": effects})])
+        refuted = [*dict.fromkeys(x.name for x in self.refuted)]
+        update = {"effects": effects, "refuted": refuted}
+        return LadderEntry(models=[entry.model_copy(update=update)])
 
     @property
     @presented
