@@ -39,7 +39,7 @@ def test_an_interval_holds_what_was_planted_wherever_a_sign_is_certain(found):
 def test_a_mass_that_an_offset_of_its_slider_could_be_is_identifiable_without_it(found):
     reasons = {v.name: v.reason for v in found.chosen.verdicts}
     assert "if slider3 has no torque offset" in reasons["leg3_upper.m"]
-    assert "leg3_upper.m" in of_key(found.hints, "excluded_offsets")[0]
+    assert "leg3_upper.m (slider3)" in of_key(found.hints, "excluded_offsets")[0]
 
 
 def test_an_offset_of_the_model_needs_no_second_one(monkeypatch):

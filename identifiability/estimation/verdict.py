@@ -145,6 +145,7 @@ class Verdict:
         """Return the verdict as one row of a table or of a JSON result."""
         row = {f.name: getattr(self, f.name) for f in fields(self)}
         row |= {name: list(getattr(self, name)) for name in ("interval95", "data_interval95")}
+        row["standard_error"] = self.sigma_label
         row["sigma_percent"] = self.sigma_percent
         row["sigma_robust_percent"] = percent_of(self.sigma_robust, self.value)
         row |= {"verdict": self.verdict.value, "torque_share": row.pop("share")}
@@ -166,15 +167,14 @@ def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
 
 def to_row(written: Mapping[str, Any]) -> Row:
     """Return the record of `Verdict.to_row` (live, or read from JSON) as a row."""
-    own = ("name", "value", "interval95", "unit", "verdict", "reason")
-    terms = [np.inf if term is None else term for term in written["terms"].values()]
+    own = ("name", "value", "standard_error", "interval95", "unit", "verdict", "reason")
+    error = written["standard_error"]
     low, high = (np.nan if end is None else end for end in written["interval95"] or (None, None))
-    standard_error = float(np.linalg.norm(terms))
     details = {name: value for name, value in written.items() if name not in own}
     return Row(
         name=written["name"],
         estimate=written["value"],
-        standard_error=standard_error,
+        standard_error=np.inf if error is None else error,
         interval=(low, high),
         unit=written["unit"],
         verdict=written["verdict"],

@@ -229,7 +229,6 @@ class LadderedPresenter(PredictingPresenter):
         shown = result.chosen if model is None else result.models[result.find_model(model)]
         frame = pd.DataFrame(shown.rows())
         frame[["lower", "upper"]] = [*frame["interval95"]]
-        frame["standard_error"] = [v.sigma_label for v in shown.verdicts]
         return by_name(frame if details else frame[[*FRAME]])
 
     def ladder_frame(self) -> pd.DataFrame:

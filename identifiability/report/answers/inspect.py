@@ -13,6 +13,7 @@ from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.findings import ledger, of_key
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, format_number, percent
+from identifiability.workflows.case_file import FILE
 from identifiability.workflows.inspect import required_columns
 
 from .commands import name_logs, robot_word, validate_options
@@ -49,7 +50,9 @@ class InspectionPresenter(AnsweringPresenter):
         if not result.records:
             study = f"new study --robot {robot_word(result.robot)}"
             motion = f"excite {self.robot} --out motion.json --report motion.html"
-            return [command("begin", study), command("worth", motion)]
+            begun = result.robot.path.with_name(FILE).is_file()
+            worth = command("worth", motion)
+            return [worth] if begun else [command("begin", study), worth]
         loaded = [hint.subject for hint in of_key(result.hints, "log_load")]
         kept = [r for r in result.records if r.name not in loaded]
         fitted = [r.path or r.name for r in kept if not r.held_out]

@@ -119,12 +119,13 @@ def _state_load(result: Load) -> str:
         return sentence(about, "unknown", body=body)
     if not mass.told:
         return sentence(about, "nothing", body=body, most=mass.high)
-    value = measured(mass.value, mass.sigma, "kg")
+    raw = result.as_measured[0]
+    holes = {"mass": measured(mass.value, mass.sigma, "kg"), "body": body}
+    holes["raw"] = measured(raw.value, raw.sigma, "kg")
     if result.scale.contradicts:
-        raw = result.as_measured[0]
-        reading = measured(raw.value, raw.sigma, "kg")
-        return sentence(about, "either", raw=reading, mass=value, body=body)
-    return sentence(about, "mass", mass=value, body=body)
+        return sentence(about, "either", **holes)
+    apart = abs(mass.value - raw.value) > raw.sigma
+    return sentence(about, "corrected" if apart else "mass", **holes)
 
 
 def _state_gains(result: Load) -> str:

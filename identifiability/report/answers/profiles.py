@@ -20,7 +20,9 @@ def answer_profiles(profiles: Sequence[Profile], shapes: Mapping[str, float]) ->
         lower, upper = curve.region
         stated = shapes.get(curve.number.name, lower)
         if not lower <= stated <= upper:
-            holes = {"stated": format_number(stated, 3), "unit": curve.number.unit}
+            place, _, family = curve.number.name.rpartition(".")
+            best = f"{family}@{place}:{curve.best:.3g}"
+            holes = {"stated": format_number(stated, 3), "unit": curve.number.unit, "best": best}
             said.append(sentence("analysis.bounds", "excluded", **holes))
     regions = " ".join(said)
     return answer("analysis.bounds", "found", regions=regions)

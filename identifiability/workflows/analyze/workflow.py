@@ -33,6 +33,7 @@ from identifiability.foundation.options import (
     checked,
     resolve_count,
 )
+from identifiability.foundation.rounding import join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import First, Progress, Run, quiet, running, share
 from identifiability.logs.prepare import Preparation
@@ -103,11 +104,11 @@ def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[
 
 
 def say_excluded_offsets(result: ModelResult) -> Finding | str:
-    """Return which identifiable parameters are so only without torque offsets; empty if none is."""
+    """Return parameters, with joints, that only a model without torque offsets identifies."""
     pairs = zip(result.verdicts, result.fit.excluded, strict=True)
-    found = {v.name: own for v, own in pairs if own and v.verdict is Class.IDENTIFIABLE}
-    joints = [*dict.fromkeys(joint for own in found.values() for joint in own)]
-    return Finding("excluded_offsets", names=[*found], joints=joints) if found else ""
+    sure = (pair for pair in pairs if pair[1] and pair[0].verdict is Class.IDENTIFIABLE)
+    names = [f"{v.name} ({join(joints)})" for v, joints in sure]
+    return Finding("excluded_offsets", names=names) if names else ""
 
 
 def say_delays(robot: Robot, missing: MissingEffects) -> Iterator[Finding]:

@@ -567,7 +567,8 @@ def _notes(
     notes += _note_springs(content.bending, kind, name)
     if kind not in (None, file_kinds(robot)[0]):
         notes.append(phrase("exported", "format", file=name))
-    notes += [phrase("exported", "warned", text=text) for text in content.warnings]
+    if content.warnings:
+        notes.append(phrase("exported", "warned", warnings=content.warnings))
     return (*notes, *state_missing(content.missing))
 
 
