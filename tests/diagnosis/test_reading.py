@@ -196,7 +196,7 @@ def test_a_torque_offset_that_the_model_lacks_blames_no_body(arm):
     assert not any("than stated" in said for said in found.warnings)
 
 
-def test_a_spring_that_acts_as_a_body_in_any_motion_is_told_with_that_body(logs_of):
+def test_a_spring_that_acts_as_a_body_in_any_motion_is_told_with_that_body(logs_of, tmp_path):
     logs = logs_of("two-link", "gravity_spring@shoulder=0.5")
     found = analyze("two-link", logs[:2], logs[2:3], replicates=0)
     (said,) = found.warnings
@@ -205,6 +205,10 @@ def test_a_spring_that_acts_as_a_body_in_any_motion_is_told_with_that_body(logs_
     row = found.to_frame().set_index("name").loc["link1.mx"]
     assert row.verdict == "sign only"
     assert row.lower < 2.05 < row.upper
+    made = export("two-link", found.to_json(tmp_path / "r.json"), tmp_path / "r.xml")
+    assert "act as these values do: link1.mx" in made.robot.read_text()
+    one = diagnose("two-link", logs[0], effects=["hysteresis"], forward=False)
+    assert "counterweight in shoulder may" in one.statement
 
 
 def test_a_torque_offset_that_the_logs_allow_moves_values_as_far_as_its_parameter_widens_them():

@@ -26,6 +26,7 @@ from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
 from identifiability.workflows.diagnose.result import logs_disagree
 from identifiability.workflows.provenance import given_paths
+from identifiability.workflows.wrong_bodies import find_wrong_bodies
 
 from .commands import compare_line, export_line, held_back, name_logs, on_file
 from .common import (
@@ -295,6 +296,9 @@ def _answer_missing(d: Diagnosis) -> Answer:
     if named and weak:
         text = join_sentences(sentence(about, "likeliest", names=short), text)
         short = sentence(about, "weak")
+    springs = [] if d.nothing or d.fixed else [*find_wrong_bodies(d.fit).springs]
+    if springs:
+        short = join_sentences(short, sentence(about, "spring", joints=springs))
     tone = "grey" if weak else "vermilion"
     return Answer(sentence(about, "question"), short, text, tone)
 

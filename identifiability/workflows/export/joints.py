@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from textwrap import shorten
 from typing import Any
 
-from identifiability.estimation.verdict import Class
+from identifiability.estimation.verdict import Class, Flag
 from identifiability.foundation.findings import phrase
+from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.quoting import for_terminal
 from identifiability.foundation.rounding import format_number, measured
 from identifiability.robot import Robot
@@ -34,6 +35,13 @@ def describe_joints(
     lines = [(joint, [*_describe(joint, rows, values)]) for joint in robot.joints]
     # Names with line ends would break the lines of a patch.
     return tuple(for_terminal(f"{joint}: {', '.join(parts)}") for joint, parts in lines if parts)
+
+
+def state_doubted(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return which values of bodies are in doubt, as a comment of a robot file; else nothing."""
+    doubted = (row["name"] for row in rows if Flag.IN_DOUBT in row["flags"])
+    names = [name for name in doubted if name.rpartition(".")[2] in INERTIAL_KINDS]
+    return for_terminal(phrase("exported", "doubted", names=names)) if names else ""
 
 
 def _describe(

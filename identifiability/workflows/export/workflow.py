@@ -71,7 +71,7 @@ from identifiability.workflows.predict import (
     state_missing,
 )
 
-from .joints import describe_joints
+from .joints import describe_joints, state_doubted
 from .snippet import write_snippet
 
 
@@ -455,6 +455,7 @@ def _prepare_writing(
         head.append(phrase("exported", "joints"))
         head.append(phrase("exported", "rotors") if content.rollout else "")
         head += lines
+    head.append(state_doubted(content.parameters))
     comment = "\n       ".join(filter(None, head))
     how: Any = {"shapes": shapes, "reference": reference, "comment": comment}
     return partial(write_parameters, moved, given, keep=False, **how)
