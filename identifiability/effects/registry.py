@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import cloudpickle
 
 from identifiability.foundation.errors import ModelError, listing, near_match
-from identifiability.foundation.names import Parameter
+from identifiability.foundation.names import Parameter, find_named
 from identifiability.robot import Robot
 
 from .effect import Effect, Family, Law, joint_places
@@ -164,11 +164,38 @@ def default_effects(robot: Robot, names: Iterable[str]) -> tuple[str, ...]:
             source = name if name in said else refined[0]
             out += [name + text.removeprefix(source) for text in said[source]]
             used |= {name, source}
-        elif not any(name in find_effect(s).supersedes for s in said):
-            out.append(name)
+        else:
+            stronger = [s for s in said if name in find_effect(s).supersedes]
+            out += _elsewhere(robot, name, [text for s in stronger for text in said[s]])
     stated = [name for name, family in FAMILIES.items() if family.stated(robot)]
-    out += [name for name in stated if name not in said and name not in out]
+    chosen = {text.partition("@")[0] for text in out}
+    out += [name for name in stated if name not in said and name not in chosen]
     return (*out, *(text for name, texts in said.items() if name not in used for text in texts))
+
+
+def _elsewhere(robot: Robot, name: str, texts: Sequence[str]) -> list[str]:
+    """Return an effect at the places where none of the effects that supersede it is."""
+    if not texts:
+        return [name]
+    if any("@" not in text for text in texts):
+        return []
+    taken = [place for text in texts for place in split_places(text)[0]]
+    places = find_family(name).places(robot)
+    free = [p for p in places if not any(find_named(pattern, [p]) for pattern in taken)]
+    return [f"{name}@{'+'.join(free)}"] if free else []
+
+
+def split_places(text: str) -> tuple[list[str], float | tuple[float, ...] | None]:
+    """Return the places and the shape of ``NAME@PLACE+PLACE:SHAPE``; names may have colons too."""
+    written = text.partition("@")[2]
+    places, colon, number = written.rpartition(":")
+    try:
+        numbers = tuple(map(float, number.split(",")))
+    except ValueError:
+        return written.split("+"), None
+    if not colon:
+        return written.split("+"), None
+    return places.split("+"), numbers if len(numbers) > 1 else numbers[0]
 
 
 def effect_laws() -> Mapping[str, Law]:

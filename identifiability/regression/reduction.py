@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PositiveFloat
 
 from identifiability.effects import FAMILIES, default_effects
+from identifiability.effects.measurement import TorqueOffset
 from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF, or_one
@@ -234,7 +235,7 @@ def ladder_text(entry: LadderEntry, comment: str = "") -> str:
 
 
 def default_ladder(robot: Robot) -> LadderEntry:
-    """Return the ladder for a robot that has none: with torque offsets, then without.
+    """Return the ladder for a robot that has none: with torque offsets, if any, then without.
 
     Springs are part of it where the robot file states some. A body alone has no joints to rub.
     """
@@ -244,7 +245,8 @@ def default_ladder(robot: Robot) -> LadderEntry:
     full = ModelEntry(name="full model", description=said, effects=[*effects])
     said = "no constant torque in any joint"
     bare = ModelEntry(name="without torque offset", description=said, zero=["*.off"])
-    return LadderEntry(models=[full, bare] if joints else [full])
+    offsets = any(text.partition("@")[0] == TorqueOffset.name for text in effects)
+    return LadderEntry(models=[full, bare] if offsets else [full])
 
 
 def ladder_path(robot: Robot) -> Path | None:

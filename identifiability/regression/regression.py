@@ -14,6 +14,7 @@ import numpy as np
 
 from identifiability.effects import Effect, Part, Placed, find_effect, find_family
 from identifiability.effects.effect import fill_measured
+from identifiability.effects.registry import split_places
 from identifiability.foundation.engines import Engine, Result, Serial, Steps
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
@@ -164,7 +165,7 @@ def _read_effect(name: str, written: Iterable[str]) -> Effect:
     for text in written:
         if "@" not in text:
             return effect
-        places, shape = _split_shape(text.partition("@")[2])
+        places, shape = split_places(text)
         family = find_family(name)
         if shape is not None and not effect.shape_size:
             raise ModelError(f"'{text}': {name} has no shape; leave out the number behind the ':'.")
@@ -176,20 +177,8 @@ def _read_effect(name: str, written: Iterable[str]) -> Effect:
             )
         before = text.partition("@")[0]
         kinds = tuple(filter(None, before.partition(".")[2].split("+")))
-        parts += [Part(family.at(shape, place), place, kinds) for place in places.split("+")]
+        parts += [Part(family.at(shape, place), place, kinds) for place in places]
     return Placed(parts, tuple(written))
-
-
-def _split_shape(text: str) -> tuple[str, float | tuple[float, ...] | None]:
-    """Return the places and the shape of ``PLACE+PLACE:SHAPE``; names may have colons too."""
-    places, colon, number = text.rpartition(":")
-    try:
-        numbers = tuple(map(float, number.split(",")))
-    except ValueError:
-        return text, None
-    if not colon:
-        return text, None
-    return places, numbers if len(numbers) > 1 else numbers[0]
 
 
 # Which samples of logs are looked at one by one: all of short logs, windows of long ones.

@@ -118,20 +118,21 @@ def test_passive_joints_can_have_what_is_placed_there(load_text):
             '"position_ripple@cable:0.2", "position_ripple@elbow"',
             ["viscous_friction", "coulomb_asymmetry", "position_ripple@cable:0.2",
              "position_ripple@elbow"],
-        ),],
+        ),
+        ('"free_spring@elb*"', ["viscous_friction", "coulomb_asymmetry", "free_spring@elb*"]),
+        ('"torque_drift"', ["viscous_friction", "coulomb_asymmetry", "torque_drift"]),],
 )  # fmt: skip
 def test_a_sidecar_places_effects_of_default_models(placed, texts, load_text):
     robot = load_text(arm(), sidecar=f"effects = [{placed}]\n" + SIDECAR)
     found = default_effects(robot, ("viscous_friction", "coulomb_asymmetry"))
-    rest = [t for t in texts if "ripple" not in t]
-    assert list(found) == [*rest, "joint_stiffness", *texts[len(rest) :]]
+    assert list(found) == [*texts[:2], "joint_stiffness", *texts[2:]]
     other = default_effects(robot, ("coulomb_friction",))
     assert ("coulomb_friction" in other) != ("coulomb" in placed)
-    full, none = build_ladder(
-        default_ladder(robot), Structure.of(robot, ladder_model(default_ladder(robot)))
-    )
-    offsets = sum(c.endswith("off") for c in full.columns)
-    assert len(full) - len(none) == offsets == len(robot.joints)
+    ladder = default_ladder(robot)
+    models = build_ladder(ladder, Structure.of(robot, ladder_model(ladder)))
+    offsets = sum(c.endswith("off") for c in models[0].columns)
+    superseded = len(robot.joints) if "drift" in placed else "spring" in placed
+    assert len(models[0]) - len(models[-1]) == offsets == len(robot.joints) - superseded
 
 
 def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torques(
