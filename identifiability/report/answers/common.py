@@ -394,7 +394,8 @@ def advise_motion(families: Sequence[str]) -> str:
 
 def state_reserved(found: Answer) -> str:
     """Return the verdict of an answer and its reason; empty if it is an unreserved yes."""
-    return "" if found.tone == "green" else capital(first_sentence(found.short).partition(" (")[0])
+    verdict = first_sentence(found.short).partition(" (probability")[0]
+    return "" if found.tone == "green" else capital(verdict)
 
 
 def answer_trust(
