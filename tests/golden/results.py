@@ -79,7 +79,17 @@ OF_SAMPLED = 8.0
 ROUNDING = 1e-9
 
 #: Keys of rows whose numbers have the unit of the row's value.
-IN_UNIT = {"value", "used", "projected", "nominal", "file", "low", "high", "terms"}
+IN_UNIT = {
+    "value",
+    "used",
+    "standard_error",
+    "projected",
+    "nominal",
+    "file",
+    "low",
+    "high",
+    "terms",
+}
 
 #: Keys of log odds and of log predictive densities [nat].
 IN_NATS = {"log_odds", "log_odds_after", "density", "density_se"}

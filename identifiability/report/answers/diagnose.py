@@ -186,8 +186,9 @@ class DiagnosisPresenter(PredictingPresenter):
             most = max(asked, key=lambda x: x.after)
             name = name_place(most.name, most.place)
             sure = state_probability(most.after)
-            part = "likeliest" if most.after > 0 else "unexplained"
-            if (most.name, most.place) in [(x.name, x.place) for x in result.refuted]:
+            likely = most.after > 0
+            part = "likeliest" if likely else "unexplained"
+            if likely and (most.name, most.place) in [(x.name, x.place) for x in result.refuted]:
                 part = "refuted"
             holes = {"verified": result.verified_on, "motion": advise_motion([most.name])}
             parts.append(sentence(about, part, name=name, probability=sure, **holes))
