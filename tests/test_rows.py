@@ -99,11 +99,12 @@ def test_what_the_model_to_use_leaves_out_is_told_of_the_unpruned_one(results):
     assert row.reason.startswith("The model to use leaves it out.")
 
 
-def test_a_standard_parameter_is_refused_with_the_combination_that_holds_it(result):
-    base = result.base
+@pytest.mark.parametrize("kind", ["analyze", "kept"])
+def test_a_standard_parameter_is_refused_with_the_combination_that_holds_it(results, kind):
+    base = results["analyze"][0].base
     row, members = next((r, base.terms(r)) for r in range(len(base)) if len(base.terms(r)) > 1)
-    with pytest.raises(KeyError, match=f"only in combination, as part of .*{base.names[row]}"):
-        result[members[1][1].name]
+    with pytest.raises(KeyError, match=f"This result has no .* part of .*{base.names[row]}"):
+        results[kind][0][members[1][1].name]
 
 
 def test_a_change_is_found_by_its_parameter(log):

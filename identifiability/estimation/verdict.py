@@ -166,16 +166,22 @@ def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
 
 
 def to_row(written: Mapping[str, Any]) -> Row:
-    """Return the record of `Verdict.to_row` (live, or read from JSON) as a row."""
-    own = ("name", "value", "standard_error", "interval95", "unit", "verdict", "reason")
+    """Return the record of `Verdict.to_row` (live, or read from JSON) as a row.
+
+    Its interval is that of its estimate and standard error. Where bodies or the prior narrow a
+    value, ``details["interval95"]`` is the narrower interval, as the reason says.
+    """
+    own = ("name", "value", "standard_error", "unit", "verdict", "reason")
     error = written["standard_error"]
-    low, high = (np.nan if end is None else end for end in written["interval95"] or (None, None))
-    details = {name: value for name, value in written.items() if name not in own}
+    standard_error = np.inf if error is None else error
+    value = written["value"]
+    half = REACH * standard_error
+    details = {name: x for name, x in written.items() if name not in own}
     return Row(
         name=written["name"],
-        estimate=written["value"],
-        standard_error=np.inf if error is None else error,
-        interval=(low, high),
+        estimate=value,
+        standard_error=standard_error,
+        interval=(value - half, value + half),
         unit=written["unit"],
         verdict=written["verdict"],
         reason=written["reason"],

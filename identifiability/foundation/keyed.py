@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from .errors import IdentifiabilityError, listing, near_match
@@ -67,6 +67,13 @@ def name_estimates(
         )
 
 
+def explain_combination(groups: Sequence[str]) -> str:
+    """Return that a parameter is part of the named base parameters; empty without one."""
+    if not groups:
+        return ""
+    return f"motion determines it only in combination, as part of {listing(groups, 4)}."
+
+
 class UnknownNameError(IdentifiabilityError, KeyError):
     """A result has no row of the name that was asked for."""
 
@@ -104,14 +111,13 @@ class Keyed:
         rows = {row.name: row for row in self.rows_by_name()}
         if name in rows:
             return rows[name]
-        kind = type(self).__name__
         if not rows:
-            raise UnknownNameError(f"This {kind} has no rows by name; to_frame() is its table.")
+            raise UnknownNameError(f"This result has no rows by name; to_frame() is its table.")
         why = self.explain_absence(str(name))
         if why:
-            raise UnknownNameError(f"This {kind} has no row '{name}': {why}")
+            raise UnknownNameError(f"This result has no row '{name}': {why}")
         raise UnknownNameError(
-            f"This {kind} has no {self.row_kind} '{name}'{near_match(str(name), rows)} "
+            f"This result has no {self.row_kind} '{name}'{near_match(str(name), rows)} "
             f"It has {listing(rows, 4)}; row_names() lists all, to_frame() shows them."
         )
 

@@ -781,7 +781,7 @@ def tell_missing(
         maps = f" {phrase('columns.missing', 'order', maps=options_in_order)}"
     if _have_both_sides(free, joints):
         maps = f" {phrase('columns.missing', 'both')}"
-    near = near_match(missing[0], free)
+    near = near_match(missing[0], [n for n in free if _may_name(n, _kind(missing[0]))])
     return Finding(
         "columns.missing",
         source,
@@ -790,6 +790,12 @@ def tell_missing(
         locks=f" Lock joints that do not move: {' '.join(options)}." if some else "",
         maps=maps,
     )
+
+
+def _may_name(column: str, kind: str) -> bool:
+    """Return whether a word of a column is, but for its spelling, one of a quantity."""
+    known = CHANNEL_WORDS.get(kind)
+    return known is None or any(nearest(word, known) for word in words_of(column))
 
 
 def _may_be(name: str, missing: Sequence[str]) -> bool:

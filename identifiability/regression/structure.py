@@ -14,7 +14,8 @@ from scipy.linalg import null_space
 from identifiability.effects import FAMILIES
 from identifiability.effects.measurement import TorqueOffset
 from identifiability.effects.springs import GravitySpring
-from identifiability.foundation.errors import ModelError, listing
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.keyed import explain_combination
 from identifiability.foundation.linalg import (
     RANK_TOLERANCE,
     SPAN_TOLERANCE,
@@ -135,9 +136,7 @@ class BaseParameters:
             for row in range(len(self))
             if name in [parameter.name for _, parameter in self.terms(row)]
         ]
-        if not groups or name in self.names:
-            return ""
-        return f"motion determines it only in combination, as part of {listing(groups, 4)}."
+        return explain_combination([] if name in self.names else groups)
 
     @cached_property
     def nonnegative(self) -> np.ndarray:

@@ -19,12 +19,12 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from pydantic import RootModel
 
-from identifiability.estimation.verdict import name_rows
+from identifiability.estimation.verdict import name_rows, to_row
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, ModelError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.keyed import Row, name_estimates
+from identifiability.foundation.keyed import Row, explain_combination, name_estimates
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import check_ending, write_text
 from identifiability.foundation.quoting import for_html
@@ -444,11 +444,20 @@ class KeptResult(Result):
         columns = (fit["names"], fit["values"], sigma, fit["units"])
         return name_estimates(zip(*columns, strict=True))
 
+    def explain_absence(self, name: str) -> str:
+        """Return in which combinations a standard parameter is."""
+        owner, _, kind = name.rpartition(".")
+        rows = self.content.get("full_parameters", ())
+        groups = [row["name"] for row in rows if f"{kind}({owner})" in re.split("[ ·−]", row["label"])]
+        return explain_combination(groups)
+
     def to_frame(self, *, details: bool = False) -> pd.DataFrame:
         """Return one row a parameter of the model to use, of a diagnosis an effect."""
         rows = self.content.get("parameters", self.content.get("effects"))
         frame = pd.DataFrame(rows)
-        if "interval95" in frame:
+        if "terms" in frame:
+            frame[["lower", "upper"]] = [to_row(row).interval for row in rows]
+        elif "interval95" in frame:
             frame[["lower", "upper"]] = [*frame["interval95"]]
         kept = [*frame] if details else [name for name in KEPT if name in frame]
         return by_name(frame[kept])

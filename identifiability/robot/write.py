@@ -631,7 +631,8 @@ def _write_joint(
 
 def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str | None:
     """Return the template's sidecar with other tables of numbers, or None if none is needed."""
-    given = {} if robot.sidecar is None else tomllib.loads(robot.sidecar.read_text("utf-8-sig"))
+    text = "" if robot.sidecar is None else robot.sidecar.read_text("utf-8-sig")
+    given = tomllib.loads(text)
     servo = robot.known_servo
     gains = servo.by_joint(robot.joints) if servo and (robot.mjcf or servo.source == FOUND) else {}
     new: dict[str, Any] = {key: dict(table) for key, table in tables.items()}
@@ -643,8 +644,40 @@ def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str
         new |= {"servo": given.get("servo", {}) | gains}
     if robot.sidecar is None and not any(new.values()):
         return None
-    entries = (given | new).items()
-    return toml_text({k: v for k, v in entries if v or k not in new})
+    return _edit_toml(text, given, new)
+
+
+def _edit_toml(text: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    """Return a TOML text with new entries at its top level; its comments stay.
+
+    Only the tables of changed entries are written anew. If the lines cannot be edited so, all
+    entries are, below the comments. New entries that are empty are left out.
+
+    Parameters
+    ----------
+    text : str
+    old, new : mapping
+        The entries of the text, and those that replace or follow them.
+    """
+    wanted = {k: v for k, v in (old | new).items() if v or k not in new}
+    changed = [key for key in new if wanted.get(key) != old.get(key)]
+    kept = []
+    inside = False
+    for line in text.splitlines():
+        table = re.match(r"\s*\[+\s*([\w-]+)", line)
+        inside = table[1] in changed if table else inside
+        if line.lstrip().startswith("#") or not inside:
+            kept.append(line)
+    added = toml_text({key: wanted[key] for key in changed if key in wanted})
+    edited = "\n".join([*kept, added]) if added else "\n".join([*kept, ""])
+    written = toml_text(wanted)
+    try:
+        if tomllib.loads(edited) == tomllib.loads(written):
+            return edited
+    except tomllib.TOMLDecodeError:  # such as a key that stands both inline and as a table
+        pass
+    comments = (line for line in text.splitlines() if line.lstrip().startswith("#"))
+    return "\n".join([*comments, written])
 
 
 def _check_beside(beside: Path, path: Path, *, needed: bool) -> None:

@@ -1,6 +1,7 @@
 """What was fitted comes back as a robot file that both engines load."""
 
 import json
+import re
 import subprocess
 
 import pytest
@@ -33,6 +34,7 @@ def test_a_patch_turns_the_own_file_into_the_exported_one(simulated_session, suc
     source = Robot.load("six-dof-arm").path
     for path in (source, source.with_suffix(".toml")):
         (tmp_path / path.name).write_bytes(path.read_bytes())
+    comments = re.findall(r"(?m)^#.*", source.with_suffix(".toml").read_text())
     robot = Robot.load(tmp_path / source.name)
     result = analyze(robot, simulated_session("six-dof-arm", "a", samples=300), replicates=0)
     stated = result.to_json(tmp_path / "result.json")
@@ -43,4 +45,5 @@ def test_a_patch_turns_the_own_file_into_the_exported_one(simulated_session, suc
     succeeds("export", robot.path, stated, "--patch", "--force", "--out", out)
     subprocess.run(["git", "apply", "arm.patch"], cwd=tmp_path, check=True)
     assert robot.path.read_bytes() == whole.robot.read_bytes()
+    assert re.findall(r"(?m)^#.*", robot.sidecar.read_text()) == comments != []
     assert Robot.load(robot.path).nominal == Robot.load(whole.robot).nominal

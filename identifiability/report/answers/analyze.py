@@ -26,6 +26,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
+    REACH,
     LEVEL,
     format_count,
     format_number,
@@ -228,7 +229,8 @@ class LadderedPresenter(PredictingPresenter):
         result = self.result
         shown = result.chosen if model is None else result.models[result.find_model(model)]
         frame = pd.DataFrame(shown.rows())
-        frame[["lower", "upper"]] = [*frame["interval95"]]
+        frame["lower"] = frame["value"] - REACH * frame["standard_error"]
+        frame["upper"] = frame["value"] + REACH * frame["standard_error"]
         return by_name(frame if details else frame[[*FRAME]])
 
     def ladder_frame(self) -> pd.DataFrame:

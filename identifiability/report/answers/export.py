@@ -62,7 +62,10 @@ class UnseenPresenter(Presenter):
         about = "export.unseen"
         part = "callback" if result.callback else "sidecar"
         whole = sentence(about, part, callback=result.callback, both=result.both)
-        files = {"own": result.names[0], "file": result.names[1], "worst": result.worst}
+        own, file = result.names
+        if own == file:  # a patch changes the file in place
+            own, file = (sentence(about, part, name=file) for part in ("old", "new"))
+        files = {"own": own, "file": file, "worst": result.worst}
         more = whole if result.both != result.written else ""
         errors = {"written": result.written, "before": result.before, "more": more}
         return sentence(about, logs=result.logs, **files, **errors)

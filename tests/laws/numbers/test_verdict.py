@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from identifiability import Thresholds
 from identifiability.estimation.fit import ScoreScatter
-from identifiability.estimation.verdict import judge
+from identifiability.estimation.verdict import Flag, judge, narrow, to_row
 
 from .made import fit_known, fit_of
 
@@ -98,6 +98,9 @@ def test_the_ninety_five_percent_interval_is_so_many_robust_deviations():
     assert found.data_interval95 == found.interval95
     row = found.to_row()
     assert row["interval95"] == list(found.interval95)
+    narrowed = narrow(found, Flag.BY_PRIOR, "", (4.0, 5.0)).to_row()
+    assert to_row(narrowed).interval == found.interval95
+    assert narrowed["interval95"] == [4.0, 5.0]
     assert row["sigma_robust_percent"] == pytest.approx(100 * 0.5 / 3)
     assert row["sigma_percent"] == pytest.approx(100 * 0.1 / 3)
 
