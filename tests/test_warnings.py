@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze, diagnose, new_study
 from identifiability.cli import app
-from identifiability.report.answers.common import state_uneven
+from identifiability.report.answers.common import state_uneven, state_uneven_log
 
 RUNS = ("run1.csv", "run2.csv", "run3.csv")
 GIVEN = "robot.urdf run1.csv run2.csv --validate run3.csv"
@@ -164,3 +164,7 @@ def test_a_joint_that_errs_little_is_not_warned_of_however_little_the_others_err
     (found,) = state_uneven(0.009, joints, np.array([0.004, 0.031]))
     assert "torque error at b is 3.1 %" in found
     assert not state_uneven(0.02, joints, np.array([0.01, 0.05]))
+    (log,) = state_uneven_log("abc", np.array([0.09, 0.4, 0.05]))
+    assert log.startswith("b: The model errs by 40 %")
+    assert not state_uneven_log("abc", np.array([0.09, 0.2, 0.05]))
+    assert not state_uneven_log("ab", np.array([0.09, 0.4]))

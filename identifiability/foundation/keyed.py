@@ -112,7 +112,7 @@ class Keyed:
         if name in rows:
             return rows[name]
         if not rows:
-            raise UnknownNameError(f"This result has no rows by name; to_frame() is its table.")
+            raise UnknownNameError("This result has no rows by name; to_frame() is its table.")
         why = self.explain_absence(str(name))
         if why:
             raise UnknownNameError(f"This result has no row '{name}': {why}")

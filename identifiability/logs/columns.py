@@ -29,8 +29,10 @@ from .codes import Code, describe_codes, find_codes, show_codes
 from .conventions import Conventions
 from .names import (
     BARE,
+    CHANNEL_WORDS,
     COMMANDED,
     DIMENSIONS,
+    ESTIMATED,
     INDEX,
     KINDS,
     SIDES,
@@ -321,17 +323,20 @@ def _preferred(columns: Sequence[Column], names: Mapping[str, str]) -> Sequence[
     """Return the columns of one channel that go before the others; all if none does.
 
     Those with the documented name go first, then those that the user renamed. Of several times,
-    PlotJuggler's goes first, then the stamp of a ROS header: a recorder's clock jitters.
+    PlotJuggler's goes first, then the stamp of a ROS header: a recorder's clock jitters. Estimates
+    go last.
     """
     literal = [g for g in columns if g.literal]
     stripped = [g for g in columns if names[g.source] != g.source.strip()]
     stamped = [g for g in columns if g.source == "__time"]
     stamps = [g for g in columns if g.kind == "t" and is_stamp(g.source)]
+    measured = [g for g in columns if not ESTIMATED.intersection(words_of(g.source))]
     orders = (
         literal,
         stripped,
         stamped,
         stamps,
+        measured,
     )
     return next((some for some in orders if some), columns)
 

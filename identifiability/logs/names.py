@@ -169,9 +169,11 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
 CHANNEL_WORDS = {kind: words_for(kind) for kind in ("q", "dq", "ddq", "tau", "current")}
 KINDS = {word: kind for kind, words in CHANNEL_WORDS.items() for word in words}
 
-#: Neutral words, which name neither a joint nor a channel; words for desired values, and for time;
+#: Words for estimates; neutral words, which name neither a joint nor a channel; words for desired
+#: values, and for time;
 #: then further neutral words and words for desired values of commands.
-SILENT = frozenset(words_for("silent"))
+ESTIMATED = frozenset(words_for("estimated"))
+SILENT = ESTIMATED.union(words_for("silent"))
 COMMANDED = frozenset(words_for("wanted"))
 TIME_WORDS = frozenset(words_for("t"))
 _IDLE = SILENT.union(words_for("silent of commands"))

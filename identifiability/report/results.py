@@ -448,7 +448,9 @@ class KeptResult(Result):
         """Return in which combinations a standard parameter is."""
         owner, _, kind = name.rpartition(".")
         rows = self.content.get("full_parameters", ())
-        groups = [row["name"] for row in rows if f"{kind}({owner})" in re.split("[ ·−]", row["label"])]
+        groups = [
+            row["name"] for row in rows if f"{kind}({owner})" in re.split("[ ·−]", row["label"])
+        ]
         return explain_combination(groups)
 
     def to_frame(self, *, details: bool = False) -> pd.DataFrame:

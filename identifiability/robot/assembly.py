@@ -623,7 +623,8 @@ def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: Strings) -> B
         if given and extra.base != "fixed":
             raise RobotError(
                 f"The sidecar of {path}: [{given[0]}] is about a base that moves, and this robot "
-                'stands; take it out, or say base = "floating" if nothing holds its root link.'
+                'stands; take it out, or say base = "floating" if nothing holds its root link. If '
+                "only some rows are in contact, empty their torque cells or leave them out."
             )
         return None
     imu = extra.imu or ImuEntry()

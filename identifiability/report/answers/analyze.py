@@ -26,8 +26,8 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
-    REACH,
     LEVEL,
+    REACH,
     format_count,
     format_number,
     join,
@@ -62,6 +62,7 @@ from .common import (
     sentence,
     state_contradicted,
     state_reserved,
+    state_uneven_log,
     torque_noise,
 )
 from .profiles import answer_profiles, is_width
@@ -166,7 +167,10 @@ class LadderedPresenter(PredictingPresenter):
         values = np.array([v.value for v in verdicts])
         known = values, np.array(stated), np.array(judged)
         contradicted = state_contradicted(result.fit, result.full.submodel, *known)
-        return (*super().warnings(), *contradicted)
+        logs = self.error_frame().query("of == 'log'")
+        errors = logs["error"].fillna(logs["error_validation"]).to_numpy(float)
+        uneven = state_uneven_log([*logs["name"]], errors)
+        return (*super().warnings(), *uneven, *contradicted)
 
     def errors(self) -> tuple[float, Array, Array]:
         """Return the errors of the values to use on unseen motion."""

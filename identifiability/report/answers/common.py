@@ -374,6 +374,26 @@ def state_uneven(
     return [Finding("uneven", joint=joint, error=worst, together=error, diagnosed=diagnosed)]
 
 
+def state_uneven_log(logs: Sequence[str], each: Array) -> list[Finding]:
+    """Return that the model errs far more on one log than on the others, if it does.
+
+    Parameters
+    ----------
+    logs : sequence of str
+        Only of three or more is one known to be the odd one.
+    each : (k,)
+        Error on each log, relative to the variation of its torque; nan without torque.
+    """
+    if np.count_nonzero(np.isfinite(each)) < 3:  # of two logs either may be the odd one
+        return []
+    worst = int(np.nanargmax(each))
+    own = float(each[worst])
+    others = float(np.nanmedian(np.delete(each, worst)))
+    if not errs_unevenly(others, own):
+        return []
+    return [Finding("uneven_log", logs[worst], error=own, others=others)]
+
+
 def errs_unevenly(error: float, own: float) -> bool:
     """Return whether one joint's error is so large that the error of all joints misleads.
 

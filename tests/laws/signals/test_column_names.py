@@ -31,6 +31,8 @@ def read(columns, joints, rules=None):
 UNDERSTOOD = {
     "flat": (["t", *each("observation.{k}.{j}", PAIR, ("state", "effort"))], PAIR, [1, 2], [3, 4]),
     "words": (["time", *each("{j}_{k}", ARM, ("position", "effort"))], ARM, [1, 2, 3], [4, 5, 6]),
+    "estimates": (["t", *each("{k}_{j}", PAIR, ("q", "tau_est"))], PAIR, [1, 2], [3, 4]),
+    "both": (["t", *each("{k}_{j}", PAIR, ("q", "tau_est", "tau"))], PAIR, [1, 2], [5, 6]),
     "PlotJuggler": (
         [
             "__time",
