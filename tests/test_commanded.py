@@ -119,6 +119,16 @@ def test_servos_that_cannot_be_are_refused_in_one_sentence(tmp_path, text, said)
     assert "\n" not in str(error.value)
 
 
+def test_doubts_hold_the_effect_of_a_speed_filter_and_a_current_loop(arm):
+    servo = replace(arm.servo, rate=500.0, assumed=False)
+    late = replace(servo, lag=0.0008, speed_lag=0.0023)
+    assert not late.doubted
+    for number in ("damping", "lead"):
+        each = [getattr(x, number) for x in (late, *servo.doubted)]
+        error, *doubts = np.array(each) - getattr(servo, number)
+        assert np.all(abs(error) < 2 * np.linalg.norm(doubts, axis=0))
+
+
 def test_a_quadruped_that_floats_by_its_file_stands_where_its_sidecar_says_so(tmp_path):
     robot = Robot.load("quadruped")
     assert len(robot.joints) == len(robot.dofs) == 12

@@ -370,7 +370,9 @@ def ball(theta: Array, mass: float, length: float) -> Array:
 # file.
 
 
-def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:
+def state_mass(
+    robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0, missing: str = ""
+) -> str:
     """Return a warning about the total mass of a robot, with its remedy; empty if it is plausible.
 
     Reports state this warning first. A robot that is many times too heavy or too light may predict
@@ -383,15 +385,25 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
         Standard parameters by name.
     cad_weight : float
         Weight of the prior that they were found with.
+    missing : str
+        The effects that their model surely lacks, as the start of a sentence. They come first.
     """
     mass = total_mass(robot, parameters)
     stated = total_mass(robot, robot.nominal)
     alike = stated / RULES.another_robot <= mass <= RULES.another_robot * stated
     if alike or robot.guessed or not (stated > 0 and mass_rows(robot, parameters)):
         return ""
+    weighs = (
+        f"nearest physically consistent robot weighs {mass:.4g} kg, that of the robot file "
+        f"{stated:.4g} kg"
+    )
+    if missing:
+        return (
+            f"{missing[0].upper()}{missing[1:]}: masses may take its place. The {weighs}. Complete "
+            "the model (diagnose) before you believe or export masses."
+        )
     return (
-        f"The nearest physically consistent robot weighs {mass:.4g} kg, that of the robot file "
-        f"{stated:.4g} kg: identified masses disagree with the file's. Check a mass of the file, "
+        f"The {weighs}: identified masses disagree with the file's. Check a mass of the file, "
         "gravity (its direction, a compensation), a unit, a torque scale and an encoder's zero. Or "
         f"--set cad_prior={10 * cad_weight or WEAK:g} keeps it nearer to the file's proportions."
     )

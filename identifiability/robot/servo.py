@@ -52,6 +52,9 @@ class Servo:
         period.
     assumed : bool
         Whether that rate is assumed, not stated.
+    lag, speed_lag : float or None [s]
+        Further age of all measurements, as of a current loop, and of speeds alone, as of a filter;
+        None if nobody states it. It then counts as zero, with a doubt.
     found : str
         How logs determined the gains, and the source of their scale.
     rolled : Rollouts or None
@@ -72,6 +75,8 @@ class Servo:
     source: str = ""
     rate: float = 1000.0
     assumed: bool = True
+    lag: float | None = None
+    speed_lag: float | None = None
     found: str = ""
     rolled: Any = None
     play: Array = np.zeros(0)
@@ -126,7 +131,12 @@ class Servo:
     @property
     def age(self) -> float:
         """Return the mean age of a measurement while the servo uses it [s]."""
-        return 0.5 / self.rate
+        return 0.5 / self.rate + (self.lag or 0.0)
+
+    @property
+    def speed_age(self) -> float:
+        """Return the mean age of a speed while the servo uses it [s]."""
+        return self.age + (self.speed_lag or 0.0)
 
     @property
     def damping(self) -> Array:
@@ -136,18 +146,29 @@ class Servo:
     @property
     def lead(self) -> Array:
         """Return the apparent inertia of the joint, (n,), from delayed speeds and positions."""
-        return -self.kv * self.age + 0.5 * self.kp * self.age**2
+        return -self.kv * self.speed_age + 0.5 * self.kp * self.age**2
 
-    def state_rate(self) -> str:
-        """Return a sentence on the effect of an assumed rate on damping; empty without one."""
-        if not self.assumed:
+    @property
+    def unknown_lags(self) -> tuple[float, float]:
+        """Return standard deviations of `lag` and `speed_lag` [s]; zero for a stated one.
+
+        A current loop takes about half a period, and a difference of positions with a filter about
+        one period. A servo of an assumed rate may measure half as often.
+        """
+        period = (1.0 + self.assumed) / self.rate
+        return 0.5 * period * (self.lag is None), period * (self.speed_lag is None)
+
+    def state_lags(self) -> str:
+        """Return a sentence on the effect of unknown lags on rotors and damping; else empty."""
+        if not any(self.unknown_lags):
             return ""
-        more = float(np.max(self.kp)) * self.age  # at half the rate it is twice as old
+        damping, rotor = (1e-3 * float(np.max(x)) for x in (self.kp, self.kv))
         return (
-            f"Nobody states how often the servos measure: {self.rate:g} times a second is assumed. "
-            f"Damping (Fv) would be up to {more:.2g} higher at half of that, and as much lower if "
-            "they measured all the time. Intervals allow for it; say it in the sidecar "
-            "([servo] rate = …) where Fv itself matters, as rollouts hardly change."
+            "Nobody states how late the servos use their measurements: positions are taken as "
+            f"{1e3 * self.age:.2g} ms old and speeds as {1e3 * self.speed_age:.2g} ms. A "
+            f"millisecond more makes damping (Fv) up to {damping:.2g} and rotors (Ia) up to "
+            f"{rotor:.2g} larger. Intervals allow for it, and rollouts hardly change. Where Fv or "
+            "Ia matters, state rate (Hz), lag (s) and speed_lag (s) in [servo] of the sidecar."
         )
 
     def has_doubtful_scale(self, larger: Array, sd: Array, shares: Sequence[float]) -> bool:
@@ -174,19 +195,16 @@ class Servo:
     def doubted(self) -> tuple[Servo, ...]:
         """Return variants of the servos, each with one uncertain property off by one σ.
 
-        Gains that logs determined are off by `doubt`. A measurement may have any age up to twice
-        the assumed one.
+        Gains that logs determined are off by `doubt`, and lags that nobody states by their size.
         """
         each = [np.split(doubt, 3) for doubt in self.doubt]
         gains = [
             replace(self, ki=self.integral + ki, kv=self.kv + kv, kp=self.kp * (1 + share))
             for ki, kv, share in each
         ]
-        slower = self.rate / (1 + 1 / np.sqrt(3))
-        older = replace(self, rate=slower)
-        if self.assumed:
-            return (*gains, older)
-        return tuple(gains)
+        sizes = zip(("lag", "speed_lag"), self.unknown_lags, strict=True)
+        later = [replace(self, **{name: size}) for name, size in sizes if size]
+        return (*gains, *later)
 
 
 def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:
@@ -255,5 +273,7 @@ def read_servo(
         source=SIDECAR if told else "the robot file",
         rate=entry.rate or Servo.rate,
         assumed=entry.rate is None,
+        lag=entry.lag,
+        speed_lag=entry.speed_lag,
         ki=ki,
     )

@@ -343,6 +343,8 @@ class ServoEntry(Strict):
     limit: ByJoint[Length] = key("Torque at saturation [N·m or N]; else logs tell it.", None, 30)
     delay: Literal["auto"] | Delay = key("Of commands [s]; auto: logs tell it.", "auto")
     rate: Length | None = key("At which it measures and acts [Hz]; 1000 if nobody says it.", None)
+    lag: Delay | None = key("Further age of measurements, as of a current loop [s].", None, 0.001)
+    speed_lag: Delay | None = key("Further age of speeds, as of a filter [s].", None, 0.002)
 
 
 class ImuEntry(Strict):

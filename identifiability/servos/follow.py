@@ -297,7 +297,7 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     undamped = _undamped_joints(robot, servo, np.concatenate([log.tau for log in logs]))
     damped = phrase("commands", "damped", joints=undamped) if undamped else ""
     standing = state_standing(CommandedRobot(robot, found.parameters), logs)
-    texts = (servo.found, made, standing, resting, damped, servo.state_rate())
+    texts = (servo.found, made, standing, resting, damped, servo.state_lags())
     return " ".join(filter(None, texts))
 
 

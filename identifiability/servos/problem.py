@@ -331,7 +331,7 @@ class RolloutProblem:
         kept = grows & ~self.over[KINDS.index("kv")]
         damping = kept * self.unpack(x)[0]["kv"] / np.exp(x[log_kp])
         scaling[fv] = damping
-        scaling[rotor] = -self.machine.servo.age * damping
+        scaling[rotor] = -self.machine.servo.speed_age * damping
         of_bodies = self.tree_of[self.over.size :]
         scaling[self.bodies] = 0.5 * np.isin(of_bodies, self.trees[grows])
         # Numbers of a joint are divided by its gain, which grows.

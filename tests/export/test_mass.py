@@ -50,6 +50,8 @@ def test_three_times_the_file_is_the_limit_and_a_third_of_it():
     pulled = state_mass(robot, values | {"link1.m": 40.0}, 2.0)
     assert "identified masses disagree with the file's" in pulled
     assert "--set cad_prior=20" in pulled
+    lacking = state_mass(robot, values | {"link1.m": 40.0}, missing="the model lacks a spring")
+    assert lacking.startswith("The model lacks a spring: masses")
     light = values | {"link2.m": 0.1}
     assert not state_mass(robot, light | {"link1.m": 6.51 / 3 - 0.1})
     assert "weighs 2.16 kg" in state_mass(robot, light | {"link1.m": 2.06})

@@ -446,7 +446,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         real = self.real_robot
         if self.nothing:
             return ""
-        return state_mass(self.robot, real["parameters"], real["cad_prior"])
+        missing = self.missing.statement
+        return state_mass(self.robot, real["parameters"], real["cad_prior"], missing)
 
     @property
     def left_out(self) -> dict[str, float]:

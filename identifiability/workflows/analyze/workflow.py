@@ -120,8 +120,8 @@ def say_delays(robot: Robot, missing: MissingEffects) -> Iterator[Finding]:
         assert robot.servo is not None
         joints = robot.motor_joints if group.place == EVERYWHERE else (group.place,)
         sd = np.linalg.norm(effect.root, axis=0)
-        # Measurements of a servo of another rate are as old as if commands acted later.
-        unknown_age = robot.servo.age * robot.servo.assumed
+        # Measurements that are older look like commands that act earlier.
+        unknown_age = robot.servo.unknown_lags[0]
         if np.all(np.abs(effect.value) <= unknown_age + 2.0 * sd):
             continue
         values = zip(joints, 1e3 * effect.value, 1e3 * sd, strict=False)
