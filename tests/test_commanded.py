@@ -99,7 +99,6 @@ def test_servos_of_an_mjcf_are_its_position_actuators_behind_their_gears(tmp_pat
     both = text.partition("<actuator>")[0] + f"<actuator>{one}{two}</actuator></mujoco>"
     path.write_text(both)
     servo = Robot.load(path).servo
-    assert servo is not None
     assert_allclose(servo.kp, [90, 7])
     assert_allclose(servo.kv, [4.5, 0.2])
     assert_allclose(servo.high, [15, np.inf])
@@ -120,13 +119,11 @@ def test_servos_that_cannot_be_are_refused_in_one_sentence(tmp_path, text, said)
 
 
 def test_doubts_hold_the_effect_of_a_speed_filter_and_a_current_loop(arm):
-    servo = replace(arm.servo, rate=500.0, assumed=False)
-    late = replace(servo, lag=0.0008, speed_lag=0.0023)
+    late = replace(arm.servo, lag=0.0008, speed_lag=0.0023)
     assert not late.doubted
-    for number in ("damping", "lead"):
-        each = [getattr(x, number) for x in (late, *servo.doubted)]
-        error, *doubts = np.array(each) - getattr(servo, number)
-        assert np.all(abs(error) < 2 * np.linalg.norm(doubts, axis=0))
+    each = [[x.damping, x.lead] for x in (late, *arm.servo.doubted)]
+    error, *doubts = np.array(each) - [arm.servo.damping, arm.servo.lead]
+    assert np.all(abs(error) < 2 * np.linalg.norm(doubts, axis=0))
 
 
 def test_a_quadruped_that_floats_by_its_file_stands_where_its_sidecar_says_so(tmp_path):

@@ -202,9 +202,10 @@ class Servo:
             replace(self, ki=self.integral + ki, kv=self.kv + kv, kp=self.kp * (1 + share))
             for ki, kv, share in each
         ]
-        sizes = zip(("lag", "speed_lag"), self.unknown_lags, strict=True)
-        later = [replace(self, **{name: size}) for name, size in sizes if size]
-        return (*gains, *later)
+        lag, speed_lag = self.unknown_lags
+        older = [replace(self, lag=lag)] if lag else []
+        slower = [replace(self, speed_lag=speed_lag)] if speed_lag else []
+        return (*gains, *older, *slower)
 
 
 def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:

@@ -7,6 +7,7 @@ from identifiability import Noise, Robot, analyze, export, simulate
 from identifiability.physical.cad_prior import state_mass, total_mass
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.simulation.motion import find_motion
+from identifiability.workflows.export.joints import describe_joints
 
 FULL = LadderEntry(models=[ModelEntry(name="full")])
 
@@ -47,11 +48,14 @@ def test_three_times_the_file_is_the_limit_and_a_third_of_it():
     assert not state_mass(robot, values)
     assert not state_mass(robot, values | {"link1.m": 4.0 + 12.99})
     assert "weighs 19.51 kg" in state_mass(robot, values | {"link1.m": 4.0 + 13.01})
-    pulled = state_mass(robot, values | {"link1.m": 40.0}, 2.0)
+    heavy = values | {"link1.m": 40.0}
+    pulled = state_mass(robot, heavy, 2.0)
     assert "identified masses disagree with the file's" in pulled
     assert "--set cad_prior=20" in pulled
-    lacking = state_mass(robot, values | {"link1.m": 40.0}, missing="the model lacks a spring")
-    assert lacking.startswith("The model lacks a spring: masses")
+    lacking = state_mass(robot, heavy, missing="the model lacks a spring")
+    assert "The model lacks a spring: masses" in lacking
+    far = describe_joints(robot, [{"label": "", "verdict": ""}], heavy)
+    assert "sums: link1.m 40 (file: 4). Do" in far[-1]
     light = values | {"link2.m": 0.1}
     assert not state_mass(robot, light | {"link1.m": 6.51 / 3 - 0.1})
     assert "weighs 2.16 kg" in state_mass(robot, light | {"link1.m": 2.06})

@@ -11,6 +11,7 @@ from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.quoting import for_terminal
 from identifiability.foundation.rounding import format_number, measured
+from identifiability.physical.rules import RULES
 from identifiability.robot import Robot
 
 #: Words of a robot file for the numbers of a joint, and their kinds of parameters.
@@ -21,6 +22,8 @@ def describe_joints(
     robot: Robot, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
 ) -> tuple[str, ...]:
     """Return a line for each joint: armature, damping and friction, and what to believe.
+
+    A last line lists undetermined masses and rotors that are far from the robot file's.
 
     Parameters
     ----------
@@ -33,8 +36,29 @@ def describe_joints(
     if not rows:
         return ()
     lines = [(joint, [*_describe(joint, rows, values)]) for joint in robot.joints]
+    each = [f"{joint}: {', '.join(parts)}" for joint, parts in lines if parts]
+    far = [*_list_far(robot, rows, values)]
+    if far:
+        each.append(phrase("exported", "far", values=far))
     # Names with line ends would break the lines of a patch.
-    return tuple(for_terminal(f"{joint}: {', '.join(parts)}") for joint, parts in lines if parts)
+    return tuple(map(for_terminal, each))
+
+
+def _list_far(
+    robot: Robot, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
+) -> Iterator[str]:
+    """Yield masses and rotors unlike the file's that the logs know only as parts of sums."""
+    sure = {row["label"] for row in rows if row["verdict"] == Class.IDENTIFIABLE}
+    pairs = [(body, "m") for body in robot.bodies]
+    pairs += [(joint, "Ia") for joint in robot.joints]
+    for place, kind in pairs:
+        name = f"{place}.{kind}"
+        stated = robot.nominal.get(name, 0.0)
+        if name not in values or f"{kind}({place})" in sure or not stated > 0:
+            continue
+        value = values[name]
+        if not stated / RULES.another_robot <= value <= RULES.another_robot * stated:
+            yield f"{name} {format_number(value, 2)} (file: {format_number(stated, 2)})"
 
 
 def state_doubted(rows: Sequence[Mapping[str, Any]]) -> str:
