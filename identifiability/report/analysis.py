@@ -107,8 +107,11 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
 # Parameters, and the models side by side.
 
 
-def section_values(result: Laddered[Any], parameters: str) -> Section | None:
-    """Return mass, friction and rotor of each joint; `parameters` is the title of all of them."""
+def section_values(result: Laddered[Any], parameters: str, errors: str = "") -> Section | None:
+    """Return mass, friction and rotor of each joint; `parameters` is the title of all of them.
+
+    `errors` says what standard errors contain.
+    """
     values = joint_values(result, parameters)
     if result.nothing or values is None:
         return None
@@ -116,7 +119,7 @@ def section_values(result: Laddered[Any], parameters: str) -> Section | None:
     opened = sentence("values", "opened") if any(cell.more for cell in cells) else ""
     other = any("≠" in cell.note for cell in cells)
     differs = sentence("values", "excluded") if other else ""
-    return section("analysis.values", values, opened=opened, differs=differs)
+    return section("analysis.values", values, opened=opened, differs=differs, errors=errors)
 
 
 INERTIAL_KEY = (
@@ -420,7 +423,9 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         **settings,
     )
     return [
-        section_values(ladder, sentence("pruning.survivors", "title")),
+        section_values(
+            ladder, sentence("pruning.survivors", "title"), sentence("values", "omitted")
+        ),
         section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why")),
         section_survivors(ladder),
         None if ladder.nothing else section_correlated(ladder.fit),
