@@ -199,7 +199,8 @@ class AnsweringPresenter(Presenter, ABC):
         if not pushes(self.result):
             return told
         names = ("question", "short", "text", "more")
-        return replace(told, **{name: name_forces(getattr(told, name)) for name in names})
+        texts: Any = {name: name_forces(getattr(told, name)) for name in names}
+        return replace(told, **texts)
 
     def answers(self) -> tuple[Answer, ...]:
         """Return the answers, and what to do next."""
