@@ -266,6 +266,7 @@ CHANNELS = {
     "wanted": "a command, with a word for the channel",
     "name": "text that says which joint a row is about",
     "silent": "says nothing",
+    "estimated": "says nothing; a column without it goes first",
     "silent of commands": "says nothing of commands and currents",
 }
 

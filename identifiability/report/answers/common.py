@@ -392,7 +392,7 @@ def state_uneven_log(logs: Sequence[str], each: Array) -> list[Finding]:
     others = float(np.nanmedian(np.delete(each, worst)))
     if not errs_unevenly(others, own):
         return []
-    return [Finding("uneven_log", logs[worst], error=own, others=others)]
+    return [Finding("uneven_log", log=logs[worst], error=own, others=others)]
 
 
 def errs_unevenly(error: float, own: float) -> bool:
