@@ -21,7 +21,7 @@ WORDS = {"armature": "Ia", "damping": "Fv", "frictionloss": "Fc"}
 def describe_joints(
     robot: Robot, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
 ) -> tuple[str, ...]:
-    """Return a line for each joint: armature, damping and friction, and what to believe.
+    """Return a line for each joint: armature, damping and friction with their reliability.
 
     A last line lists undetermined masses and rotors that are far from the robot file's.
 
