@@ -10,6 +10,8 @@ name = "Arm with servos"
 kp = {shoulder = 1200, "elb*" = 300}
 kv = {shoulder = 50, "*" = 8}
 limit = 900
+lag = 0
+speed_lag = 0
 """
 TRUTH = {
     **{"shoulder.Ia": 0.11, "shoulder.Fv": 2.0, "shoulder.Fc": 1.1, "shoulder.off": 0.8},

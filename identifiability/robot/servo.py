@@ -150,13 +150,14 @@ class Servo:
 
     @property
     def unknown_lags(self) -> tuple[float, float]:
-        """Return standard deviations of `lag` and `speed_lag` [s]; zero for a stated one.
+        """Return standard deviations of `lag` and `speed_lag` [s]; zero for a known one.
 
         A current loop takes about half a period, and a difference of positions with a filter about
         one period. A servo of an assumed rate may measure half as often.
         """
-        period = (1.0 + self.assumed) / self.rate
-        return 0.5 * period * (self.lag is None), period * (self.speed_lag is None)
+        period = 1.0 / self.rate
+        lag = 0.5 * period * (self.assumed + (self.lag is None))
+        return lag, (1.0 + self.assumed) * period * (self.speed_lag is None)
 
     def state_lags(self) -> str:
         """Return a sentence on the effect of unknown lags on rotors and damping; else empty."""
@@ -203,7 +204,7 @@ class Servo:
             for ki, kv, share in each
         ]
         lag, speed_lag = self.unknown_lags
-        older = [replace(self, lag=lag)] if lag else []
+        older = [replace(self, lag=(self.lag or 0.0) + lag)] if lag else []
         slower = [replace(self, speed_lag=speed_lag)] if speed_lag else []
         return (*gains, *older, *slower)
 
