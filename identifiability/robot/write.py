@@ -647,7 +647,7 @@ def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str
     return _edit_toml(text, given, new)
 
 
-def _edit_toml(text: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+def _edit_toml(text: str, old: dict[str, Any], new: dict[str, Any]) -> str:
     """Return a TOML text with new entries at its top level; its comments stay.
 
     Only the tables of changed entries are written anew. If the lines cannot be edited so, all
@@ -656,7 +656,7 @@ def _edit_toml(text: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> str
     Parameters
     ----------
     text : str
-    old, new : mapping
+    old, new : dict
         The entries of the text, and those that replace or follow them.
     """
     wanted = {k: v for k, v in (old | new).items() if v or k not in new}
