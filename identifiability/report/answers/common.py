@@ -390,7 +390,7 @@ def state_uneven_log(logs: Sequence[str], each: Array) -> list[Finding]:
     worst = int(np.nanargmax(each))
     own = float(each[worst])
     others = float(np.nanmedian(np.delete(each, worst)))
-    if not errs_unevenly(others, own):
+    if grade_of(own) == "very-good" or not own > RULES.uneven * others:
         return []
     return [Finding("uneven_log", log=logs[worst], error=own, others=others)]
 
