@@ -120,8 +120,9 @@ def test_servos_that_cannot_be_are_refused_in_one_sentence(tmp_path, text, said)
 
 def test_doubts_hold_the_effect_of_a_speed_filter_and_a_current_loop(arm):
     servo = replace(arm.servo, lag=None, speed_lag=None)
-    late = replace(servo, lag=0.0008, speed_lag=0.0023)
-    each = [[x.damping, x.lead] for x in (late, *servo.doubted)]
+    each = [
+        [x.damping, x.lead] for x in (replace(servo, lag=0.0008, speed_lag=0.0023), *servo.doubted)
+    ]
     error, *doubts = np.array(each) - [servo.damping, servo.lead]
     assert np.all(abs(error) < 2 * np.linalg.norm(doubts, axis=0))
 
