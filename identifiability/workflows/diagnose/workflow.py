@@ -731,8 +731,7 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
         # The best values stand for the fit of all families.
         each = [*fits[: len(fits) - (0 < n == count)], last]
         gap = naming.predict_unseen(each)
-        refuted = gap.surely_better(0, -1) or gap.surely_better_in_all(0, -1, RULES.harmful)
-        if not n or ((problem.fixed or used.predicts) and not refuted):
+        if not n or ((problem.fixed or used.predicts) and not _is_refuted(gap, -1)):
             break
     before, after = naming.predict_fitted([fits[0], last]).relative_error().tolist()
     held = gap.relative_error().tolist()
@@ -766,6 +765,30 @@ def find_harmful(naming: Naming) -> list[int]:
     return sorted(harmful, key=lambda k: errors[k + 1])[:1]
 
 
+def find_doubtful(naming: Naming) -> list[int]:
+    """Return the parts without which unseen motion errs less, the most harmful first.
+
+    A right part may be refuted because others err, and a standard error refutes all together.
+    """
+    every = range(len(naming.parts))
+    kept = [*every]
+    while kept:
+        without = [[n for n in kept if n != k] for k in kept]
+        gap = naming.predict_unseen([naming.fit(subset) for subset in (kept, *without)])
+        errors = gap.relative_error()
+        better = [k for k in range(1, len(errors)) if gap.surely_better(k, 0)]
+        if not better:
+            break
+        kept = without[min(better, key=errors.__getitem__) - 1]
+    return [k for k in every if k not in kept]
+
+
+def _is_refuted(gap: Prediction, model: int) -> bool:
+    """Return whether the first model surely errs less on unseen motion than another."""
+    in_joints = gap.surely_better(0, model)
+    return in_joints or gap.surely_better_in_all(0, model, RULES.harmful)
+
+
 def _recommend_plain(naming: Naming) -> Recommended:
     """Return the plain model, without any named effect."""
     return naming.problem.recommended or with_parts(naming, ()).best
@@ -797,6 +820,10 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     found = verify_effects(naming, fits, plain)
     if 0 < found.included < len(parts):
         return conclude(without_parts(naming, range(found.included, len(parts))), rng)
+    if not found.included:
+        doubtful = find_doubtful(naming)
+        if 0 < len(doubtful) < len(parts):
+            return conclude(without_parts(naming, doubtful), rng)
     curves = tuple(_curve(naming, residual, k, p) for own in placed for k, p in own.items())
     discrepancies = find_discrepancies(naming.fitted, residual, problem.robot.joints)
     return Diagnosis(
