@@ -221,10 +221,6 @@ def test_a_picture_shows_the_answers_of_today(page, tmp_path, monkeypatch):
         assert agree(short, shown[question]), f"{short}\n{shown[question]}\n{stale}"
 
 
-def test_there_is_a_tutorial_that_leads_to_a_decision():
-    assert len(RUN) >= 5
-
-
 def shown_commands():
     """Every ``identifiability …`` of the pages and of the commands' own help."""
     told = [line for page in PAGES for _, kind, text in blocks(page) for line in lines(text)]

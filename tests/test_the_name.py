@@ -50,12 +50,6 @@ def run(site, *, word="--version", module=False, alone=False):
     )  # fmt: skip
 
 
-def test_alone_nothing_is_said(site):
-    done = run(site)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("identifiability ")
-
-
 def test_a_package_that_was_replaced_is_refused_with_what_to_uninstall(site):
     install_other(site, over=True)
     done = run(site)

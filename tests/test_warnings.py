@@ -167,4 +167,3 @@ def test_a_joint_that_errs_little_is_not_warned_of_however_little_the_others_err
     (log,) = state_uneven_log("abc", np.array([0.09, 0.4, 0.05]))
     assert log.startswith("On b the model errs by 40 %")
     assert not state_uneven_log("abc", np.array([0.09, 0.2, 0.05]))
-    assert not state_uneven_log("ab", np.array([0.09, 0.4]))

@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability import (
-    Case,
-    IdentifiabilityError,
-    Noise,
-    Preparation,
-    Robot,
-    analyze,
-    plot,
-    prune,
-)
+from identifiability import Case, Noise, Preparation, Robot, analyze, plot, prune
 from identifiability.regression.reduction import LadderEntry
 from identifiability.simulation import Campaign, random_trajectory
 
@@ -83,10 +74,3 @@ def test_friction_of_another_form_stays_in_doubt_in_a_joint_that_turns_all_the_t
 def test_the_number_of_another_joint_is_not_profiled_as_a_shape():
     found = analyze(case_of(0.3, more=["function_of_other_velocity@elbow:1"]), replicates=0)
     assert len(found.profiles) == 1
-
-
-def test_a_number_that_is_not_there_is_one_sentence():
-    with pytest.raises(
-        IdentifiabilityError, match="'totalmass' to profile, did you mean 'total_mass'"
-    ):
-        analyze(case_of(0.3), profile=["totalmass"])
