@@ -179,7 +179,7 @@ class LadderedPresenter(PredictingPresenter):
         return result.chosen.error_ra_validation, each["error"], each["rms"]
 
     def reserved(self) -> str:
-        """Return the verdict of trust, unless it is an unreserved yes."""
+        """Return where a reader finds the reservation; empty if trust is an unreserved yes."""
         return state_reserved(answer_doubt(self.result))
 
     def noise(self) -> Array | None:

@@ -257,7 +257,7 @@ class PredictingPresenter(AnsweringPresenter):
         return state_uneven(error, self.result.robot.joints, each, diagnosed=diagnosed)
 
     def reserved(self) -> str:
-        """Return the verdict of trust and its reason; empty if it is an unreserved yes."""
+        """Return where a reader finds the reservation; empty if there is none."""
         return sentence("quality", "warned") if self.result.warnings else ""
 
     def answer_error(
@@ -414,9 +414,8 @@ def advise_motion(families: Sequence[str]) -> str:
 
 
 def state_reserved(found: Answer) -> str:
-    """Return the verdict of an answer and its reason; empty if it is an unreserved yes."""
-    verdict = first_sentence(found.short).partition(" (probability")[0]
-    return "" if found.tone == "green" else capital(verdict)
+    """Return where a reader finds the reservation; empty if the answer is an unreserved yes."""
+    return "" if found.tone == "green" else sentence("quality", "asked")
 
 
 def answer_trust(

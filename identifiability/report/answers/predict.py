@@ -67,7 +67,7 @@ class TorquePredictionPresenter(PredictingPresenter):
         return self.result.error_ra, error, rms
 
     def reserved(self) -> str:
-        """Return the verdict of trust, unless it is an unreserved yes."""
+        """Return where a reader finds the reservation; empty if trust is an unreserved yes."""
         return state_reserved(_answer_intervals(self.result))
 
     def noise(self) -> Array:
