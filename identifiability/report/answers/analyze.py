@@ -333,7 +333,8 @@ def state_nearest(model: ModelResult) -> str:
         return ""
     about = "laddered.statement"
     free = model.unseen_by(0)
-    part = "same" if percent_text(100 * near) == percent_text(100 * free) else "errs"
+    alike = percent_text(100 * near) == percent_text(100 * free)
+    part = "same" if alike or near < free else "errs"
     error = sentence(about, part, near=near, free=free)
     return sentence(about, "nearest", error=error)
 
