@@ -113,14 +113,14 @@ def pushes(result: Any) -> bool:
 
 
 def name_forces(text: str) -> str:
-    """Return a text with the word force where it has torque, but for names of methods and files.
+    """Return a text with the word force where it has torque, but for names with that word.
 
     Examples
     --------
-    >>> name_forces("The torque variation, for computed-torque control: torque.csv")
-    'The force variation, for computed-torque control: torque.csv'
+    >>> name_forces("The torque, for computed-torque control: slider1.torque, torque.csv")
+    'The force, for computed-torque control: slider1.torque, torque.csv'
     """
-    text = re.sub(r"(?<![-\w])torque(?!\.)(?=s?\b)", "force", text)
+    text = re.sub(r"(?<![-\w.])torque(?!\.)(?=s?\b)", "force", text)
     return re.sub(r"\bTorque(?=s?\b)", "Force", text)
 
 
