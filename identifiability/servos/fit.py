@@ -95,7 +95,7 @@ def follows_better(
 ) -> bool:
     """Return whether the numbers of rollouts follow their logs better than other parameters.
 
-    The mean over the joints of the logarithm of their error counts.
+    The sum over the joints of the logarithm of their error counts.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def follows_better(
         errors.append(problem.errors(problem.roll([x])[0]))
     ours, theirs = np.array(errors)
     moves = (ours > 0) & (theirs > 0)
-    return bool(np.mean(np.log(theirs[moves] / ours[moves])) > 0)
+    return bool(np.sum(np.log(theirs[moves] / ours[moves])) > 0)
 
 
 def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:

@@ -768,7 +768,8 @@ def find_harmful(naming: Naming) -> list[int]:
 def find_doubtful(naming: Naming) -> list[int]:
     """Return the parts without which unseen motion errs less, the most harmful first.
 
-    A right part may be refuted because others err, and a standard error refutes all together.
+    Errors of other parts may refute a right one together with them. So each part that surely harms
+    goes first, even if by one standard error.
     """
     every = range(len(naming.parts))
     kept = [*every]
