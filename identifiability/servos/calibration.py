@@ -50,13 +50,14 @@ def roll_delayed(
     -------
     float [s], (N, n) [rad or m]
     """
+    nothing_varies = np.zeros((len(KINDS), len(machine.trees)), bool)
+    window = Window(0, log, np.ones(len(machine.trees), bool), log)
+    problem = RolloutProblem(machine, [window], nothing_varies, delay)
+    x = problem.pack(machine.numbers(), delay or 0.0)
     if delay is None:
-        nothing_varies = np.zeros((len(KINDS), len(machine.trees)), bool)
-        window = Window(0, log, np.ones(len(machine.trees), bool), log)
-        problem = RolloutProblem(machine, [window], nothing_varies)
-        start = problem.pack(machine.numbers(), 0.0)
-        delay = float(descend(problem, start).x[-1])
-    return delay, machine.roll(log, delay=delay)
+        x = descend(problem, x).x
+    (q,) = problem.roll([x])[0]
+    return float(x[-1]), q
 
 
 def calibrate_torque(

@@ -10,16 +10,21 @@ import numpy as np
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.commands import are_positions_alone
 from identifiability.robot import Robot
 
 from .arrivals import CLEAR
-from .descent import BEGUN, ENOUGH, PROMISED, SearchEnd, conclude, descend
+from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend
 from .positions import recording_error
 from .problem import PLAY, RolloutProblem
 from .rollouts import KINDS, Rollouts
 from .torque import servo_log
+
+#: Share of the squared errors that a number must explain to first order to be fitted. The fit must
+#: explain half of them. Of drawn robots, right numbers explained a tenth or more to first order.
+PROMISING: Tolerance = 0.05
 
 #: Shares of the time in which the torque exceeds the limits that start a fit.
 EXCEEDED = np.geomspace(0.004, 0.4, 5)
@@ -166,7 +171,7 @@ def _explain_tree(
     weighted = problem.weights(end.q) * problem.residual(end.q, end.x)
     count = problem.rows()[-1] * len(joints)
     rows = weighted[:count].reshape(-1, len(joints))
-    least = max(BEGUN, PROMISED * np.sum(rows[:, joints] ** 2))
+    least = max(BEGUN, PROMISING * np.sum(rows[:, joints] ** 2))
     tried = list[Explanation]()
     for numbers in likeliest:
         if gain[numbers].sum() <= least:
