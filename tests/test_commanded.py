@@ -48,7 +48,8 @@ from identifiability.servos import (
     state_gains,
     state_standing,
 )
-from identifiability.servos.fit import divide_gains
+from identifiability.servos.descent import BEGUN, descend
+from identifiability.servos.fit import divide_gains, leave_bounds
 from identifiability.servos.start import balance_torque
 from identifiability.servos.windows import cut_windows
 from identifiability.simulation.rollout import CommandedRobot
@@ -255,6 +256,21 @@ def test_a_wrong_gain_is_found_where_errors_are_as_small_as_those_of_recording(t
     log = read(robot, servos.record(robot, truth, moves, 10.0, how, rng, fault=fault))
     (said,), *_ = find_odd_joints(robot, fit_rollouts(robot, [log], file_shares(robot)))
     assert re.search(r"'wrist_pitch' that is 0\.7[4-7]", said)
+
+
+@pytest.mark.parametrize("joint", [0, 3, 5])
+def test_a_search_leaves_friction_in_place_of_a_rotor(joint, tmp_path):
+    rng, how = default_rng(6), servos.Recorder(50.0, 25.0, bits=12)
+    robot = servos.load("hobby-arm", tmp_path)
+    truth = servos.JUDGED["hobby-arm"][0](robot, 0.1, rng)
+    moves = servos.draw_commands(robot, 10.0, 25.0, 0.35, rng)
+    log = read(robot, servos.record(robot, truth, moves, 10.0, how, rng))
+    problem, end = fit_rollouts(robot, [log], file_shares(robot)).search
+    end.x[problem.at("Ia")[joint]], end.x[problem.at("Fc")[joint]] = 0.0, 0.18
+    stuck = descend(problem, end.x, BEGUN)
+    rotor = problem.unpack(leave_bounds(problem, stuck).x)[0]["Ia"][joint]
+    assert problem.unpack(stuck.x)[0]["Ia"][joint] < 0.1 * rotor
+    assert rotor == pytest.approx(truth[f"{robot.joints[joint]}.Ia"], rel=0.1)
 
 
 def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path):

@@ -80,6 +80,7 @@ def fit_rollouts(
         new = problem.missed(again.q)[lost].sum()
         old = problem.missed(end.q)[lost].sum()
         end = again if new < old else end
+    end = leave_bounds(problem, end)
     if first is not None and len(windows) > len(logs):
         first(answer_first(robot, logs, problem, end))
     end = follow_valley(problem, end)
@@ -88,6 +89,41 @@ def fit_rollouts(
         problem.varied[problem.bodies] = True
         end = descend(problem, end.x, say=last)
     return conclude(problem, end)
+
+
+def leave_bounds(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
+    """Return where a search ends if odd joints with hardly a rotor begin again with a usual one.
+
+    Too much dry friction in place of a rotor is a minimum of its own, in which one joint errs more
+    than the others. Its rotor and friction begin as those of the others, and only its numbers vary.
+    It counts where it halves their errors.
+
+    Parameters
+    ----------
+    problem : RolloutProblem
+    end : SearchEnd
+        Of this search.
+    """
+    numbers, _ = problem.unpack(end.x)
+    missed = problem.missed(end.q)
+    usual = {kind: np.median(numbers[kind]) for kind in ("Ia", "Fc")}
+    stuck = (missed > 2.0 * np.median(missed)) & (numbers["Ia"] < 0.1 * usual["Ia"])
+    if not stuck.any():
+        return end
+    begun = {kind: np.where(stuck, value, numbers[kind]) for kind, value in usual.items()}
+    x = problem.replace_numbers(end.x, {**numbers, **begun}, stuck)
+    varied = problem.varied
+    problem.varied = varied & np.isin(np.arange(len(x)), _numbers_of(problem, stuck))
+    again = descend(problem, x, BEGUN)
+    problem.varied = varied
+    if problem.missed(again.q)[stuck].sum() > 0.5 * missed[stuck].sum():
+        return end
+    return descend(problem, again.x, BEGUN)
+
+
+def _numbers_of(problem: RolloutProblem, joints: np.ndarray) -> np.ndarray:
+    """Return the numbers of some joints, (n,) bool, in the vector, (k,) int."""
+    return np.concatenate([problem.at(kind)[joints] for kind in KINDS])
 
 
 def follows_better(
