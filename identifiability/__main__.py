@@ -6,13 +6,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
-from identifiability.foundation.loading import loading
+from identifiability.foundation.loading import import_less, loading
 
 
 def main() -> None:
     """Run the command line; Ctrl-C ends it without a traceback from its first moment on."""
     # A cron job may lack both streams: output is then dropped, and the work is done.
     sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()
+    import_less()
     try:
         with loading():
             from identifiability.cli import main as run  # noqa: PLC0415 - takes a while
