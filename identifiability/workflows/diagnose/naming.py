@@ -335,7 +335,7 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     s, known = problem.structure, problem.known
     fitted = ResidualRows.of(problem.regression(s, problem.excerpt or problem.samples), known)
     others = problem.unseen_excerpt or problem.validation
-    unseen = ResidualRows.of(s.regression(others), known) if others else fitted
+    unseen = ResidualRows.of(problem.regression(s, others), known) if others else fitted
     asked = {f.name: f for f in find_families(effects, commanded=problem.commanded)}
     every = {f.name: f for f in find_families(None, commanded=problem.commanded)} | asked
     motions = [x.motion for x in fitted.samples]

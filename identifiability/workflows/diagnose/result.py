@@ -15,12 +15,7 @@ from identifiability.bending import Bending
 from identifiability.effects import find_family, title_of
 from identifiability.estimation.estimate import with_known
 from identifiability.estimation.fit import Fit as Known
-from identifiability.estimation.prediction import (
-    Prediction,
-    measure_offsets,
-    measure_spread,
-    predict,
-)
+from identifiability.estimation.prediction import Prediction, measure_offsets, measure_spread
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
@@ -247,8 +242,8 @@ class Diagnosis(Result, Predicts):
         One for each named effect and place.
     gap : Prediction
         Of unseen motion, by the base model, then after each effect.
-    error_before, error_after : float
-        ε_RA on the fitted logs.
+    fitted : Prediction
+        Of the fitted logs, by the base model and by the model to predict with.
     held_before, held_after : float
         ε_RA on unseen motion.
     refuted : tuple of Odds
@@ -298,8 +293,7 @@ class Diagnosis(Result, Predicts):
     effects: tuple[NamedEffect, ...]
     curves: tuple[Curve, ...]
     gap: Prediction
-    error_before: float
-    error_after: float
+    fitted: Prediction
     held_before: float
     held_after: float
     refuted: tuple[Odds, ...]
@@ -362,6 +356,16 @@ class Diagnosis(Result, Predicts):
     def values(self) -> Array:
         """Base parameters of the model to predict with, (b,)."""
         return self.used.base
+
+    @property
+    def error_before(self) -> float:
+        """ε_RA of the base model on the fitted logs."""
+        return float(self.fitted.relative_error()[0])
+
+    @property
+    def error_after(self) -> float:
+        """ε_RA of the model to predict with on the fitted logs."""
+        return float(self.fitted.relative_error()[-1])
 
     @property
     def verified_on(self) -> str:
@@ -634,8 +638,8 @@ def keep_completed(d: Diagnosis) -> Fit:
     structure = d.completed
     submodel = replace(d.used.submodel, name="the diagnosed model")
     information, known = d.refitted
-    found = predict(structure.regression(d.samples), d.values[:, None])
-    errors = tuple((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
+    found = d.fitted, d.gap
+    errors = tuple((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in found)
     whole = spread = measure_spread(information, known, *errors)
     if len(submodel) < len(structure.base):
         part = submodel.reduce(information)

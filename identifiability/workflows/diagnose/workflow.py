@@ -53,8 +53,9 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure, count_offsets
 from identifiability.robot import Robot, RobotLike, complete_motion
+from identifiability.workflows.analyze.judge import assess_ladder, select_model
 from identifiability.workflows.analyze.ladder import compute_ladder
-from identifiability.workflows.analyze.workflow import conclude_analysis, say_band
+from identifiability.workflows.analyze.workflow import say_band
 from identifiability.workflows.case import (
     Case,
     Data,
@@ -380,7 +381,7 @@ def _problem_of(
     elif not request.keeps:
         known = know_nothing(data.structure)
     how = case.preparation if data.preparation.cutoff is None else data.preparation
-    columns_of = (data.structure, data.regression)
+    along = data.regression, data.structure.regression(excerpts[1] or data.validation)
     problem = Problem(
         structure=data.structure,
         samples=data.samples,
@@ -393,7 +394,7 @@ def _problem_of(
         preparation=how or Preparation(),
         commanded=data.recordings.commanded,
         seed=run.seed,
-        columns=(columns_of,),
+        columns=tuple((data.structure, columns) for columns in along),
     )
     return problem, data
 
@@ -511,7 +512,8 @@ def recommend(
     rows = case.weigh(compared, "wls", "auto", run, complete=False)
     fitted = case.stages.once(compute_ladder, rows, models, None, run=run)
     rng = np.random.default_rng(problem.seed)
-    chosen = conclude_analysis(fitted, rng, {"replicates": 0}, NO_MISSING_EFFECTS).chosen
+    results = assess_ladder(fitted, rng, 0, NO_MISSING_EFFECTS)
+    chosen = results[select_model(results, fitted.near)]
     assert chosen.physical is not None  # each model of a ladder has its nearest robot
     best = Recommended.of(chosen.submodel, chosen.estimate.value, chosen.physical, chosen.real)
     problem = replace(problem, ladder=entry)
@@ -690,7 +692,7 @@ class Verified:
 
     Attributes
     ----------
-    included, used, gap, error_before, error_after, held_before, held_after
+    included, used, gap, fitted, held_before, held_after
         As of `Diagnosis`.
     completed, information, weighed
         The same; `weighed` wherever values were fitted.
@@ -699,8 +701,7 @@ class Verified:
     included: int
     used: Recommended
     gap: Prediction
-    error_before: float
-    error_after: float
+    fitted: Prediction
     held_before: float
     held_after: float
     completed: Structure
@@ -733,15 +734,13 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
         gap = naming.predict_unseen(each)
         if not n or ((problem.fixed or used.predicts) and not _is_refuted(gap, -1)):
             break
-    before, after = naming.predict_fitted([fits[0], last]).relative_error().tolist()
     held = gap.relative_error().tolist()
     weighed = used.weighed if problem.known.tells_nothing else None
     return Verified(
         included=n,
         used=best,
         gap=gap,
-        error_before=before,
-        error_after=after,
+        fitted=naming.predict_fitted([fits[0], last]),
         held_before=held[0],
         held_after=held[-1],
         completed=used.completed,
