@@ -74,7 +74,7 @@ def integrate(links: LinkEquation, torque: Array, stiffness: Array, damping: Arr
 
     def refine(x: Array) -> Array:
         if parts > 1:
-            return np.asarray(CubicSpline(np.arange(samples), x)(at))
+            return CubicSpline(np.arange(samples), x)(at)
         return x
 
     P, D, M = map(refine, (links.by_position, links.by_velocity, links.by_acceleration))
@@ -171,5 +171,5 @@ class Steps:
 def advance(transition: Array, state: Array, one: bool) -> Array:
     """Return states (…, S, q) after transitions (…, S, q, q), or one that all sets share."""
     if one:
-        return np.asarray(state @ transition[..., 0, :, :].swapaxes(-1, -2))
-    return np.asarray((transition @ state[..., None])[..., 0])
+        return state @ transition[..., 0, :, :].swapaxes(-1, -2)
+    return (transition @ state[..., None])[..., 0]

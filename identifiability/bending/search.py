@@ -374,7 +374,7 @@ def mean_inertia(stretch: Stretch, change: Array) -> Array:
     """Return the mean inertia of the links that each joint moves, (n,)."""
     joints = range(len(stretch.robot.actuated))
     parts = stretch.derivatives(joints, stretch.values(change))
-    return np.asarray(np.einsum("kjj->j", parts[2]) / parts.shape[1])
+    return np.einsum("kjj->j", parts[2]) / parts.shape[1]
 
 
 def first_values(stretch: Stretch, rigid: Array) -> Array:
@@ -434,7 +434,7 @@ def _price(problem: Problem, joints: int) -> float:
 def _silent(springs: Springs, band: float) -> Array:
     """Return which joints (m,) of one set have no resonance that the band can show."""
     high = springs.frequency[0] > RULES.highest * band
-    return np.asarray(high | (springs.ratio[0] > RULES.damped))
+    return high | (springs.ratio[0] > RULES.damped)
 
 
 def measure_response(problem: Problem, fit: Fit, at: int, band: float) -> Response:
@@ -515,7 +515,7 @@ def _errors(inertia: Array, stretches: Sequence[Stretch], fit: Fit) -> Array:
             values = s.values(fit.change)
             model = model + s.bent_torque(fit.springs, inertia, values)[:, :, 0]
         left.append(s.kept_rows(s.piece.tau - model))
-    return np.asarray(np.sqrt(np.mean(np.concatenate(left) ** 2, axis=0)))
+    return np.sqrt(np.mean(np.concatenate(left) ** 2, axis=0))
 
 
 def _fit_autoregression(left: Sequence[Array]) -> tuple[Array, float]:
@@ -534,10 +534,10 @@ def _orthonormal(columns: Array) -> Array:
     """Return an orthonormal basis of columns (N, k)."""
     unit = columns / or_one(np.linalg.norm(columns, axis=0))
     left, size, _ = np.linalg.svd(unit, full_matrices=False)
-    return np.asarray(left[:, size > RANK_TOLERANCE * size[0]])
+    return left[:, size > RANK_TOLERANCE * size[0]]
 
 
 def _solve(columns: Array, target: Array) -> Array:
     """Return the least-squares values of columns, with columns of any unit."""
     length = or_one(np.linalg.norm(columns, axis=0))
-    return np.asarray(np.linalg.lstsq(columns / length, target, rcond=RANK_TOLERANCE)[0] / length)
+    return np.linalg.lstsq(columns / length, target, rcond=RANK_TOLERANCE)[0] / length

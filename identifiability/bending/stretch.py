@@ -123,11 +123,11 @@ class Stretch:
 
     def load(self, values: Array) -> Array:
         """Return the torque of rigid links, (N, n)."""
-        return np.asarray(self._link_columns @ values[self.bodies])
+        return self._link_columns @ values[self.bodies]
 
     def whole(self, change: Array) -> Array:
         """Return the torque of the rigid model, (N, n)."""
-        return np.asarray(self.stated_torque + self.columns @ change)
+        return self.stated_torque + self.columns @ change
 
     # Derivatives of the links' torque.
 
@@ -145,7 +145,7 @@ class Stretch:
             moved = [x.copy() for x in state]
             moved[order][:, joint] += sign * STEPS[order]
             ends.append(links.regressor(self.robot, complete_motion(self.robot, motion.t, *moved)))
-        return np.asarray((ends[0] - ends[1]) / (2.0 * STEPS[order]))
+        return (ends[0] - ends[1]) / (2.0 * STEPS[order])
 
     @cached_property
     def _rigid(self) -> int:

@@ -151,7 +151,7 @@ def add_white_noise(log: Log, dt: float) -> Log:
         density = Spectrum.of([x], dt).power
         first = int(RULES.nearly_all * len(density))
         highest = density[first:].mean(0)
-        return np.asarray(x + np.sqrt(highest * 0.5 / dt) * rng.standard_normal(x.shape))
+        return x + np.sqrt(highest * 0.5 / dt) * rng.standard_normal(x.shape)
 
     dq = None if log.dq is None else more(log.dq)
     return replace(log, q=more(log.q), dq=dq)

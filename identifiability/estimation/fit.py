@@ -41,7 +41,7 @@ def spread_of(values: Array) -> Array:
     Where blocks are few, some replicates hold too few different ones to be solved well.
     """
     low, high = np.quantile(values, ndtr([-1.0, 1.0]), axis=0)
-    return np.asarray(0.5 * (high - low))
+    return 0.5 * (high - low)
 
 
 def merge_blocks(information: Information, length: float) -> Information:

@@ -53,7 +53,7 @@ class Normal:
     @cached_property
     def root(self) -> Array:
         """Inverse of the factor, (k, k): the covariance is ``rootᵀ root``."""
-        return np.asarray(dtrtri(self.factor, lower=1)[0] if len(self.factor) else self.factor)
+        return dtrtri(self.factor, lower=1)[0] if len(self.factor) else self.factor
 
     @property
     def value(self) -> Array:

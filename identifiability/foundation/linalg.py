@@ -49,7 +49,7 @@ def triangular_factor(A: Array) -> Array:
     if not A.size:
         return A[: A.shape[1]]
     # For small matrices NumPy's function takes twice the time.
-    return np.asarray(np.triu(dgeqrf(A)[0][: A.shape[1]]))
+    return np.triu(dgeqrf(A)[0][: A.shape[1]])
 
 
 def find_chains(acts: np.ndarray) -> list[np.ndarray]:
@@ -88,7 +88,7 @@ def filter_from_rest(denominator: Array, x: Array) -> Array:
     """
     bands = np.repeat(denominator[:, None], len(x), axis=1)
     y, _ = dtbtrs(bands, x.reshape(len(x), -1), uplo="L")
-    return np.asarray(y.reshape(x.shape))
+    return y.reshape(x.shape)
 
 
 def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
@@ -124,7 +124,7 @@ def solve_each(equations: Array) -> Array:
     try:
         matrices = equations[:, :, :-1]
         targets = equations[:, :, -1:]
-        return np.asarray(np.linalg.solve(matrices, targets)[..., 0])
+        return np.linalg.solve(matrices, targets)[..., 0]
     except np.linalg.LinAlgError:
         out = np.full(equations.shape[:2], np.nan)
         for i, one in enumerate(equations):

@@ -231,13 +231,13 @@ def resample(left: Array, rng: np.random.Generator) -> Array:
     stretch = np.arange(len(left)) // length
     last = int(stretch[-1])
     signs = rng.choice([-1.0, 1.0], (last + 1, left.shape[1]))
-    return np.asarray(left * signs[stretch])
+    return left * signs[stretch]
 
 
 def measured_noise(x: Array, t: Array) -> Array:
     """Return the standard deviation of white noise in signals (N, n), (n,)."""
     # While a coarse encoder stands still, its noise is constant, so differences do not show it.
-    return np.asarray(np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12)))
+    return np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12))
 
 
 def _counts(samples: int) -> list[int]:
@@ -315,7 +315,7 @@ def _channel_weights(channels: Sequence[Array], noise: Sequence[float]) -> Array
     """Return one over the variance of each channel's noise, the largest being one."""
     floor = [ROUNDOFF * x.std() for x in channels]
     variance = np.maximum(np.maximum(noise, floor), 1e-150) ** 2
-    return np.asarray(variance.min() / variance)
+    return variance.min() / variance
 
 
 def _best(
@@ -391,7 +391,7 @@ def _differences(state: Array) -> Array:
     lags = np.arange(N // 2 + 1)
     both = power[N - lags] + (power[N] - power[lags])
     mean = (both - 2.0 * products[lags]) / (N - lags)
-    return np.asarray(mean / (2.0 * power[N] / N))
+    return mean / (2.0 * power[N] / N)
 
 
 def _refine(t: Array, channels: Sequence[Array], noise: Sequence[Array], period: float) -> float:

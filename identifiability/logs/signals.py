@@ -224,7 +224,7 @@ def _slope_weights(count: int) -> Array:
     """Return the slopes of the splines through one at a sample and zero at the others, (N, N)."""
     at = np.arange(count, dtype=float)
     spline = scipy.interpolate.make_interp_spline(at, np.eye(count), min(5, count - 1))
-    return np.asarray(spline(at, 1))
+    return spline(at, 1)
 
 
 #: Outputs of a decimation that are made by one product: of more, most of its terms are zeros.

@@ -357,7 +357,7 @@ def noise_at_rest(x: Array) -> Array:
     # The share of samples near zero.
     slow = size <= np.quantile(size, 0.2, axis=0)
     squares = _rough(x, None) ** 2
-    return np.asarray((squares * slow).sum(0) / slow.sum(0))
+    return (squares * slow).sum(0) / slow.sum(0)
 
 
 # The autocorrelation time of a series.

@@ -195,7 +195,7 @@ class PhysicalSet:
         slack = np.asarray(phi, float) @ self.rows.T - self.least
         inside = (slack >= -tolerance * self.bounded).all(axis=-1)
         real = self.margins(phi) >= -tolerance
-        return np.asarray(inside & real.all(axis=-1))
+        return inside & real.all(axis=-1)
 
 
 @lru_cache(maxsize=4)

@@ -53,7 +53,7 @@ class Cone:
         """Whether points (K, M) are inside, (K,) bool."""
         inside = (y[:, : self.rows] >= 0).all(axis=1)
         matrices = self._matrices(y)
-        return np.asarray(inside & positive(matrices).all(axis=1))
+        return inside & positive(matrices).all(axis=1)
 
     def first_exit(self, y: Array, dy: Array, limit: Array) -> tuple[Array, np.ndarray, Array]:
         """Find the first exit of the paths ``y + t dy`` before ``limit (K,)``.

@@ -89,7 +89,7 @@ class ReadingCandidates:
 
     def is_joint(self, joint: int) -> Array:
         """Return a mask of one joint, (n,) bool."""
-        return np.asarray(np.arange(len(self.names)) == joint)
+        return np.arange(len(self.names)) == joint
 
     def single_joints(self) -> list[tuple[str, Array]]:
         """Return a subject for each joint's torque, and the joint's place, (n,) bool."""

@@ -129,7 +129,7 @@ def constant_torque(excerpt: Excerpt) -> Array:
     """Return rows of a constant torque of each joint in each log, (n, N, L)."""
     ones = [replace(piece, tau=np.ones_like(piece.tau)).torque for piece in excerpt.pieces]
     member = excerpt.log[:, None] == np.unique(excerpt.log)
-    return np.asarray(np.concatenate(ones).T[..., None] * member)
+    return np.concatenate(ones).T[..., None] * member
 
 
 def _key(numbers: Array) -> bytes:
@@ -195,7 +195,7 @@ class TorqueRows:
         acting_size = np.linalg.norm(acting)
         if acting_size <= ROUNDOFF * size:
             return gravity
-        return np.asarray(acting * size / acting_size)
+        return acting * size / acting_size
 
     @staticmethod
     def of(
@@ -241,7 +241,7 @@ class TorqueRows:
     @property
     def counts(self) -> Array:
         """Number of rows of each joint whose torque is data, (n,)."""
-        return np.asarray(self.data.sum(0))
+        return self.data.sum(0)
 
     @cached_property
     def longest_delay(self) -> float:
@@ -255,7 +255,7 @@ class TorqueRows:
     def fit(self, reading: Reading, *, adjusted: bool = False) -> Array:
         """Return half the log of the residual's share of the variance of each log column, (n,)."""
         share = self.solve(reading, adjusted=adjusted)[1]
-        return np.asarray(0.5 * np.log(share)[np.argsort(reading.order)])
+        return 0.5 * np.log(share)[np.argsort(reading.order)]
 
     def solve(
         self, reading: Reading, *, adjusted: bool, fixed: Mapping[int, float] | None = None
@@ -330,7 +330,7 @@ class TorqueRows:
         rows = np.column_stack(residuals)[:, measured]
         independent = np.zeros(len(free))
         independent[measured] = free[measured] / autocorrelation_time(rows)
-        return np.asarray(independent[np.argsort(reading.order)])
+        return independent[np.argsort(reading.order)]
 
     def sizes_beside_file(self, reading: Reading) -> Array:
         """Return the torque of the fitted bodies over that of the file's, at each joint, (n,).
@@ -464,7 +464,7 @@ class TorqueRows:
         functions = self._smooth[joint]
         share = np.linalg.norm(functions, axis=0)
         basis = functions / np.maximum(share, 1e-300)
-        return np.asarray(rows - basis @ (share[:, None] * (basis.T @ rows)))
+        return rows - basis @ (share[:, None] * (basis.T @ rows))
 
     @cached_property
     def functions(self) -> list[Array]:
@@ -543,7 +543,7 @@ def _shorten(functions: Array) -> Array:
         return functions
     basis, size, _ = np.linalg.svd(functions, full_matrices=False)
     weak = max(STRONG * float(size[0]), 1e-300)  # a joint at rest has size zero
-    return np.asarray(basis * (1.0 - 1.0 / np.hypot(1.0, size / weak)))
+    return basis * (1.0 - 1.0 / np.hypot(1.0, size / weak))
 
 
 class RowsOfPart(TorqueRows):
@@ -567,11 +567,11 @@ class RowsOfPart(TorqueRows):
     @once_each
     def columns(self, joint: int, *, adjusted: bool) -> Array:
         """Return the parts of the c columns that act in a joint, (N, c, 1 or 4)."""
-        return np.asarray(self.rows.columns(joint, adjusted=adjusted)[self.chosen])
+        return self.rows.columns(joint, adjusted=adjusted)[self.chosen]
 
     def torque(self, joint: int, delay: float, *, adjusted: bool) -> Array:
         """Return every torque column as data of one joint, earlier by a delay [s], (N, n)."""
-        return np.asarray(self.rows.torque(joint, delay, adjusted=adjusted)[self.chosen])
+        return self.rows.torque(joint, delay, adjusted=adjusted)[self.chosen]
 
 
 def solve_nonnegative(gram: Array, cross: Array, nonnegative: Array) -> Array:
@@ -601,4 +601,4 @@ def solve_nonnegative(gram: Array, cross: Array, nonnegative: Array) -> Array:
     value = np.zeros(len(cross))
     value[signed] = positive
     value[free] = solve_triangular(fit.factor[:k, :k], half, lower=True, trans="T")
-    return np.asarray(value / size)
+    return value / size

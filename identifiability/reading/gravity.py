@@ -70,7 +70,7 @@ def tune_direction(gravity: Array, misfits: Misfits) -> Array:
         return float(np.sum(misfits(size * (direction / np.linalg.norm(direction)))))
 
     direction = refine_direction(gravity / size, logs, NARROW)
-    return np.asarray(size * (direction / np.linalg.norm(direction)))
+    return size * (direction / np.linalg.norm(direction))
 
 
 @frozen
@@ -142,4 +142,4 @@ def refine_direction(start: Array, cost: Callable[[Array], float], width: float)
         return cost(start + axes @ x)
 
     found = scipy.optimize.minimize(cost_of, simplex[0], method="Nelder-Mead", options=options)
-    return np.asarray(start + axes @ found.x)
+    return start + axes @ found.x

@@ -150,7 +150,7 @@ class Reading:
     @property
     def rescaled(self) -> Array:
         """Joints whose torque column has another unit, (n,) bool."""
-        return np.asarray(np.abs(self.factor) != 1.0)
+        return np.abs(self.factor) != 1.0
 
     def structure(self, literal: Structure) -> Structure:
         """Return the model under the reading's gravity; another direction becomes a tilt effect."""

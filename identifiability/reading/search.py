@@ -445,7 +445,7 @@ class ReadingSearch:
         sizes = self.rows_of(reading).sizes_beside_file(reading)
         # Files are wrong by a factor of three at times.
         deviations = np.log(np.maximum(sizes, NEARLY)) / np.log(BETWEEN[-1])
-        return np.asarray(np.minimum(0.5 * deviations**2, RULES.file_vote))
+        return np.minimum(0.5 * deviations**2, RULES.file_vote)
 
     # Step 4: other rows.
 

@@ -125,8 +125,8 @@ def solve(A: Array, b: Array) -> Array:
     """
     with suppress(np.linalg.LinAlgError):
         if A.shape[1] == A.shape[2]:
-            return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
-    return np.asarray((invert(A)[0] @ b[..., None])[..., 0])
+            return np.linalg.solve(A, b[..., None])[..., 0]
+    return (invert(A)[0] @ b[..., None])[..., 0]
 
 
 def passes_singular(A: Array) -> Array:
@@ -146,8 +146,7 @@ def passes_singular(A: Array) -> Array:
     # Two samples whose equations span directions with less overlap than this (a determinant of
     # cosines) are too far apart to detect a singular pose between them.
     sure = np.abs(overlap) > 0.5
-    passed: Array = sure & (np.sign(overlap) * sign[1:] != sign[:-1])
-    return passed
+    return sure & (np.sign(overlap) * sign[1:] != sign[:-1])
 
 
 # The equations of a robot's closures: errors, Jacobians and bias, for batches of samples.
@@ -439,7 +438,7 @@ class Motion:
             The speed as a row of those of the actuated joints.
         """
         if self.signs is not None:
-            return np.asarray((np.sign(row) * self.signs).sum(1))
+            return (np.sign(row) * self.signs).sum(1)
         if self.smooth_v is None:
             return np.sign(speed)
         smooth = (row * self.smooth_v[:, 0]).sum(1)
@@ -447,8 +446,7 @@ class Motion:
         sd = np.sqrt(variance)
         sure = 10.0 * np.sign(smooth)  # whose error function is one
         share = np.divide(smooth, np.sqrt(2.0) * sd, out=sure, where=sd > 0)
-        sign: Array = scipy.special.erf(share)
-        return sign
+        return scipy.special.erf(share)
 
     def freed(self, rows: Array) -> Array:
         """Return rows (N, n, …) in combinations that contact forces do not enter."""

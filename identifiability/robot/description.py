@@ -113,7 +113,7 @@ class Transmission:
     def joint_rate(self, rate: Array) -> Array:
         """Return joint velocities or accelerations (N, n) from those of motors (N, m)."""
         R = self.ratio[:, None] * self.coupling
-        return np.asarray(np.linalg.lstsq(R, rate.T, rcond=None)[0].T)
+        return np.linalg.lstsq(R, rate.T, rcond=None)[0].T
 
 
 @frozen
@@ -738,7 +738,7 @@ class Description(Stated):
         """Return velocities or accelerations (N, nv) of the tree along an axis, (N,)."""
         columns = [*map(self.dof_index, axis.weights)]
         factors = [*axis.weights.values()]
-        return np.asarray(x[:, columns] @ factors)
+        return x[:, columns] @ factors
 
     def travel(self, axis: Axis, q: Array, start: Array | None = None) -> Array:
         """Return how far configurations (N, nq) are along an axis, (N,) [rad or m].
@@ -747,7 +747,7 @@ class Description(Stated):
         """
         at = [self.tree.single[joint].iq for joint in axis.weights]
         moved = q[:, at] if start is None else q[:, at] - start[at]
-        return np.asarray(moved @ [*axis.weights.values()])
+        return moved @ [*axis.weights.values()]
 
     @cached_property
     def passive_axes(self) -> tuple[Axis, ...]:

@@ -182,8 +182,7 @@ def wrench_torque(tree: Tree, q: Array, wrench: Wrench, values: Array) -> Array:
     axes = np.broadcast_to(axes, (3, 3, len(q)))
     halves = (values[:, :3], values[:, 3:])
     turned = [np.einsum("ixn,ni->xn", axes, part) for part in halves]
-    tau: Array = np.einsum("xvn,xn->nv", J, np.concatenate(turned))
-    return tau
+    return np.einsum("xvn,xn->nv", J, np.concatenate(turned))
 
 
 def eliminate(

@@ -41,15 +41,13 @@ def shortest_turn(start: Array, end: Array) -> Array:
     For opposite directions it is one of the half turns between them.
     """
     found, _ = scipy.spatial.transform.Rotation.align_vectors(end[None], start[None])
-    out: Array = found.as_rotvec()
-    return out
+    return found.as_rotvec()
 
 
 def turn(vector: Array, step: Array) -> Array:
     """Return a vector (3,) turned by a rotation vector (3,)."""
     rotation = scipy.spatial.transform.Rotation.from_rotvec(step)
-    out: Array = rotation.apply(vector)
-    return out
+    return rotation.apply(vector)
 
 
 def combine(R: Array, parts: Array) -> Array:
@@ -57,15 +55,13 @@ def combine(R: Array, parts: Array) -> Array:
     x = R[0] * parts[0]
     y = R[1] * parts[1]
     z = R[2] * parts[2]
-    whole: Array = x + y + z
-    return whole
+    return x + y + z
 
 
 def turned(quat: Array, step: Array) -> Array:
     """Rotate unit quaternions (x y z w) by rotation vectors in their own frame."""
     rotation = scipy.spatial.transform.Rotation
-    out: Array = (rotation.from_quat(quat) * rotation.from_rotvec(step)).as_quat()
-    return out
+    return (rotation.from_quat(quat) * rotation.from_rotvec(step)).as_quat()
 
 
 # Kinematics of a tree, batched over samples: frames and point Jacobians.
@@ -239,8 +235,7 @@ class Tree:
             return np.asarray(point.position, float)[:, None]
         own = point.position @ self._aligned[point.joint].basis
         arm = own @ frames.axes[point.joint].reshape(3, -1)
-        at: Array = frames.origin[point.joint] + arm.reshape(3, -1)
-        return at
+        return frames.origin[point.joint] + arm.reshape(3, -1)
 
     def positions(self, q: Array, point: Point) -> Array:
         """Return the position of a point at configurations (N, nq), (N, 3) [m]."""
@@ -258,10 +253,9 @@ class Tree:
             Of the frame in that of the joint.
         """
         if joint == WORLD:
-            return np.asarray(rotation.T[:, :, None])
+            return rotation.T[:, :, None]
         own = self._aligned[joint].basis.T @ rotation
-        axes: Array = np.einsum("ci,cxn->ixn", own, frames.axes[joint])
-        return axes
+        return np.einsum("ci,cxn->ixn", own, frames.axes[joint])
 
     def add_point_jacobian(self, frames: Frames, point: Point, sign: float, out: Array) -> None:
         """Add ``sign · ∂x/∂v`` of a point to `out` (3, nv, N), world axes."""

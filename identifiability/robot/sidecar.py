@@ -113,9 +113,8 @@ class KnownTorque(Strict):
             )
         if self.table:
             positions, forces = np.array(sorted(self.table)).T
-            return np.asarray(np.interp(position, positions, forces))
-        found: Array = np.polynomial.polynomial.polyval(position, self.polynomial)
-        return found
+            return np.interp(position, positions, forces)
+        return np.polynomial.polynomial.polyval(position, self.polynomial)
 
     @property
     def text(self) -> str:

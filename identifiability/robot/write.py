@@ -248,8 +248,7 @@ def thicken(inertia: Array) -> Array:
     if abs(lack) >= TINY * moments[2]:
         return inertia
     least = (TINY * moments[2] + lack) * axes[:, :2]
-    thick: Array = inertia + least @ axes[:, :2].T
-    return thick
+    return inertia + least @ axes[:, :2].T
 
 
 def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inertia: Array) -> None:

@@ -107,8 +107,7 @@ def _errors(
     moves = np.array([window.moves for window in windows])
     weighted = np.sum(shares * moves, axis=0)
     counts = np.maximum(moves.sum(0), 1)
-    mean: Array = weighted / counts
-    return mean
+    return weighted / counts
 
 
 def balance_torque(

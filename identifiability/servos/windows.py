@@ -86,5 +86,4 @@ def moving_commands(log: Log) -> np.ndarray:
     commands = [x for x in (log.q_ref, log.dq_ref, log.tau_ff) if x is not None]
     sizes = [np.std(x, axis=0) for x in commands]
     noise = encoder_noise(log)
-    moves: np.ndarray = (np.max(sizes, axis=0) > noise) & ~log.is_unmeasured
-    return moves
+    return (np.max(sizes, axis=0) > noise) & ~log.is_unmeasured

@@ -90,7 +90,7 @@ class Links:
         still = np.zeros_like(q)
         straight = np.zeros(len(self.joints))
         force, _ = self._forces((q, still, still), straight, straight)
-        return np.asarray(-force[self.dofs] / self.stiffness)
+        return -force[self.dofs] / self.stiffness
 
     def solve(
         self, state: tuple[Array, Array, Array], deflection: Array, speed: Array

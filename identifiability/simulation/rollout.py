@@ -387,8 +387,7 @@ class CommandedRobot:
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, control
         mujoco.mj_forward(model, data)
-        acceleration: Array = data.qacc.copy()
-        return acceleration
+        return data.qacc.copy()
 
     def _with(self, numbers: Mapping[str, Array], h: float) -> Any:
         """Return the model with other numbers of its joints, at a step of h seconds."""
@@ -438,8 +437,7 @@ def sum_errors(log: Log, servo: Servo, delay: float, dt: float) -> Array:
         Delay of commands, and sampling step.
     """
     errors = acting(log, servo, log.t, dt, delay) - log.q
-    integrals: Array = np.trapezoid(errors, log.t, axis=0)
-    return integrals
+    return np.trapezoid(errors, log.t, axis=0)
 
 
 def starting_speeds(log: Log) -> Array:
@@ -456,15 +454,13 @@ def starting_speed(log: Log) -> Array:
     """Return the speed from which a rollout of a log starts, (n,): the first of the speeds."""
     dt = signals.sampling_step(log.t)
     rows = _seen_rows(dt, len(log))
-    speed: Array = _first_slope(rows) @ log.q[:rows] / dt
-    return speed
+    return _first_slope(rows) @ log.q[:rows] / dt
 
 
 @lru_cache
 def _first_slope(rows: int) -> Array:
     """Return weights of rows whose sum is the slope at the first row of their parabola, (rows,)."""
-    slope: Array = scipy.signal.savgol_coeffs(rows, 2, 1, pos=0, use="dot")
-    return slope
+    return scipy.signal.savgol_coeffs(rows, 2, 1, pos=0, use="dot")
 
 
 def _seen_rows(dt: float, count: int) -> int:

@@ -269,8 +269,7 @@ def nearest_body(found: LoadEstimate) -> Array:
         length=length,
     )
     data = LeastSquares(found.root, found.root @ found.theta, 1.0, 1.0)
-    phi: Array = project(data, region).phi
-    return phi
+    return project(data, region).phi
 
 
 def describe_body(theta: Array) -> Array:
@@ -665,7 +664,7 @@ class KnownLoad:
         moments.
         """
         if self.mass is None or self.centre is None:
-            return np.asarray((nearest * (self.mass or 0.0) / nearest[9])[FROM_GROUPED])
+            return (nearest * (self.mass or 0.0) / nearest[9])[FROM_GROUPED]
         inertia = np.zeros(3) if self.inertia is None else self.inertia
         return ten_parameters(self.mass, self.centre, inertia)
 

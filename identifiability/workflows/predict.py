@@ -164,7 +164,7 @@ class TorquePrediction(Result):
         gear = self.robot.transmission
         assert gear is not None  # only its motors can be those of a log
         ratios = gear.ratio[:, None] * gear.coupling
-        return np.asarray(np.linalg.solve(ratios.T, torque.T).T)
+        return np.linalg.solve(ratios.T, torque.T).T
 
     @property
     def robot(self) -> Robot:
@@ -212,14 +212,12 @@ class TorquePrediction(Result):
         """Share of low-passed samples inside the interval of a new one, of each joint, (n,)."""
         hit = (np.abs(self.tau - self.predicted) <= self.low) & self.known
         count = np.where(self.known.any(0), self.known.sum(0), np.nan)
-        share: Array = hit.sum(0) / count
-        return share
+        return hit.sum(0) / count
 
     @property
     def unknown(self) -> Array:
         """Share of samples of each joint whose interval is infinite, (n,)."""
-        share: Array = np.isinf(self.mean).mean(0)
-        return share
+        return np.isinf(self.mean).mean(0)
 
     @presented
     def to_frame(self, *, details: bool = False) -> pd.DataFrame:
@@ -1123,7 +1121,7 @@ class PositionPrediction(Result):
         """Error of each run over these joints (rms), (runs,)."""
         errors = np.array([run.errors for run in self.runs])
         squares = np.mean(errors[:, self.alike] ** 2, axis=1)
-        return np.asarray(np.sqrt(squares))
+        return np.sqrt(squares)
 
     @property
     def from_commands(self) -> Array:
@@ -1131,7 +1129,7 @@ class PositionPrediction(Result):
         apart = [log.q_ref - log.q for log in self.logs if log.q_ref is not None]
         if not apart:
             return np.full(len(self.robot.joints), np.nan)
-        return np.asarray(np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0)))
+        return np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0))
 
     @property
     def follows(self) -> bool:

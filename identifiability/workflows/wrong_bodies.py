@@ -100,7 +100,7 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
 
 def _whiten(root: Array, x: Array) -> Array:
     """Return values x (n, k) in units of errors whose covariance has a lower factor (n, n)."""
-    return np.asarray(solve_triangular(root, x, lower=True))
+    return solve_triangular(root, x, lower=True)
 
 
 def _find_determined(fit: Fit) -> Array:

@@ -117,7 +117,7 @@ def noise_again(log: Log, rng: np.random.Generator) -> Log:
     """Return a log with additional noise, as much as its measured motion has."""
 
     def more(x: Array) -> Array:
-        return np.asarray(x + measured_noise(x, log.t) * rng.standard_normal(x.shape))
+        return x + measured_noise(x, log.t) * rng.standard_normal(x.shape)
 
     dq, ddq = (None if x is None else more(x) for x in (log.dq, log.ddq))
     base = log.base

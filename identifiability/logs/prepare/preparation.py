@@ -441,7 +441,7 @@ class Plan:
         """
         if log.speed_error is None or log.dq is None:
             return None
-        return np.asarray(np.abs(log.dq) < UNSURE * log.speed_error)
+        return np.abs(log.dq) < UNSURE * log.speed_error
 
     def lacking(self, unmeasured: Array) -> Array:
         """Return the rows where torque is no data after decimation, (N, n) bool.

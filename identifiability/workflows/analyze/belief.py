@@ -79,7 +79,7 @@ class Summary:
     @property
     def stated(self) -> np.ndarray:
         """Which intervals may be stated, (m,) bool; the others are the prior's."""
-        return np.asarray(self.prior_sensitivity <= POSTERIOR_RULES.prior_sensitivity)
+        return self.prior_sensitivity <= POSTERIOR_RULES.prior_sensitivity
 
 
 @frozen

@@ -102,7 +102,7 @@ def _exclude_offsets(model: FittedModel, fit: Fit) -> tuple[tuple[str, ...], ...
 def find_forbidden(model: FittedModel) -> np.ndarray:
     """Return which parameters surely have a sign that physics forbids, (k,) bool."""
     signed = model.submodel.nonnegative & model.estimate.determined
-    return np.asarray(signed & (clip_signs(model.information, model.estimate, signed) < 0))
+    return signed & (clip_signs(model.information, model.estimate, signed) < 0)
 
 
 def assess_ladder(

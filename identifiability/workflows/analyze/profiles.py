@@ -159,8 +159,7 @@ class ConsistentNumbers:
         columns = self.found.chosen.submodel.columns
         standard = self.structure.columns
         if name in columns:
-            row: Array = self.model.to_x[columns.index(name)]
-            return row
+            return self.model.to_x[columns.index(name)]
         if name in standard:
             return np.eye(len(standard))[standard.index(name)]
         if name == TOTAL_MASS:
@@ -178,8 +177,7 @@ class ConsistentNumbers:
             if abs(tau[at]) > largest:
                 largest = float(abs(tau[at]))
                 row = chunk.W[at, j] * np.sign(tau[at])
-        torque: Array = row @ self.structure.G
-        return torque
+        return row @ self.structure.G
 
     def number(self, name: str) -> Number:
         """Return a number with its unit and its limits."""

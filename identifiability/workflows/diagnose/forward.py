@@ -178,7 +178,7 @@ def _simulate(fit: Physical, unseen: Sequence[Dataset], at: Stretches, dt: float
     first = np.stack([s.motion.actuated_v[rows[0]] for s, rows in at])
     simulator = ForwardRobot(fit.structure.robot, joint_values(fit))
     simulated = simulator.run(q[:, 0], first, tau, dt) - q[:, 1:]
-    return np.asarray(np.abs(simulated))
+    return np.abs(simulated)
 
 
 def _stretches(unseen: Sequence[Dataset], dt: float, steps: int, most: int) -> Stretches:
@@ -221,8 +221,7 @@ def _mean_torque(fit: Physical, samples: Dataset, others: Array, rows: np.ndarra
         delay = fit.values.get(f"{joint}.delay", 0.0)
         shifted = np.interp(t[rows] + delay, t, tau[:, k])
         out[:, k] = shifted - others[rows, k]
-    middle: Array = 0.5 * (out[1:] + out[:-1])
-    return middle
+    return 0.5 * (out[1:] + out[:-1])
 
 
 def other_torque(fit: Physical, motion: Motion) -> Array:

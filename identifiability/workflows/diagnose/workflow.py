@@ -946,8 +946,7 @@ def _law(naming: Naming, k: int, j: int) -> Array:
     c = naming.parts[k].candidate
     remembers = c.family.remembers or naming.problem.robot.closed
     if remembers or c.family.against not in ("velocity", "position"):
-        columns: Array = naming.columns([k], j)
-        return columns
+        return naming.columns([k], j)
     return _unfiltered(naming, c.part)[:, j]
 
 

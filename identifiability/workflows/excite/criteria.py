@@ -58,8 +58,7 @@ class LogDet:
         gain = _log_det(unit) - _log_det(unit[:, others][:, :, others])
         log_lengths = np.log(length[:, c])
         gain = gain + 2 * log_lengths.sum(1)
-        cost: Array = -gain / (2 * len(c))
-        return cost
+        return -gain / (2 * len(c))
 
     def figure(self, cost: float) -> float:
         """Return the log-determinant."""
@@ -104,8 +103,7 @@ class Discrimination:
     def cost(self, G: Array) -> Array:
         """Return half the logarithm of the mean of one over one more than the squares, (m,)."""
         left = 1.0 / (1.0 + self.squares(G))
-        cost: Array = 0.5 * np.log(np.mean(left, axis=0))
-        return cost
+        return 0.5 * np.log(np.mean(left, axis=0))
 
     def figure(self, cost: float) -> float:
         """Return the root of these squares."""
@@ -130,8 +128,7 @@ class Discrimination:
         cross = unit[:, rest][:, :, ask.own]
         steady = base + TINY * np.eye(len(rest))
         S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(steady, cross)
-        squares: Array = np.maximum(np.einsum("mi,mij,mj->m", size, S, size), 0.0)
-        return squares
+        return np.maximum(np.einsum("mi,mij,mj->m", size, S, size), 0.0)
 
 
 #: A figure of merit of Gram matrices (m, k, k): its `cost` (m,) is minimised, its `figure` states a
@@ -154,8 +151,7 @@ def scaled(G: Array) -> tuple[Array, Array]:
 def _log_det(G: Array) -> Array:
     """Return log-determinants of scaled Gram matrices (m, k, k); 0 × 0 ones have 0."""
     steady = G + TINY * np.eye(G.shape[1])
-    total: Array = np.linalg.slogdet(steady)[1]
-    return total
+    return np.linalg.slogdet(steady)[1]
 
 
 # `Question`: columns that a motion should separate, and earlier information on them.
@@ -220,8 +216,7 @@ class Known:
     @property
     def repeated(self) -> Array:
         """Gram matrix if the logs' motion were measured once more, (k, k)."""
-        again: Array = self.G * (1 + 1 / max(len(self.logs), 1))
-        return again
+        return self.G * (1 + 1 / max(len(self.logs), 1))
 
 
 def pose_question(

@@ -81,14 +81,12 @@ class Limits:
     @property
     def middle(self) -> Array:
         """Middle of the range, (n,) [rad or m]."""
-        middle: Array = 0.5 * (self.low + self.high)
-        return middle
+        return 0.5 * (self.low + self.high)
 
     @property
     def half_range(self) -> Array:
         """Half the range, (n,) [rad or m]."""
-        half: Array = 0.5 * (self.high - self.low)
-        return half
+        return 0.5 * (self.high - self.low)
 
 
 #: Forms in which limits are given.
@@ -257,14 +255,12 @@ def _find_pairs(shapes: MujocoRobot) -> np.ndarray:
     meets = (m.geom_contype[:, None] & m.geom_conaffinity) > 0
     apart = ~(joined | joined.T)
     differ = body[:, None] != body
-    pairs: np.ndarray = (meets | meets.T) & apart & differ
-    return pairs
+    return (meets | meets.T) & apart & differ
 
 
 def nearness(gaps: Array) -> Array:
     """Return the cost of each sample: 1 at contact, zero from four clearances on."""
-    near: Array = np.maximum(1.0 - np.asarray(gaps) / (4 * CLEARANCE), 0.0) ** 2
-    return near
+    return np.maximum(1.0 - np.asarray(gaps) / (4 * CLEARANCE), 0.0) ** 2
 
 
 # Load of the drives by a motion: torque and power by the model that fits logs, or the nominal one.
@@ -320,15 +316,13 @@ class Drive:
     def predict(self, motion: Motion) -> Array:
         """Return the size of the torque of each drive, (N, n)."""
         W = self.model.regressor(self.robot, motion)
-        torque: Array = np.abs(W[:, :, self.columns] @ self.values)
-        return torque
+        return np.abs(W[:, :, self.columns] @ self.values)
 
     def load(self, motion: Motion) -> Array:
         """Return the largest share of a limit that each sample uses, (N,)."""
         torque = self.predict(motion)
         power = np.abs(torque * motion.actuated_v)
-        share: Array = np.maximum(torque / self.torque, power / self.power).max(1)
-        return share
+        return np.maximum(torque / self.torque, power / self.power).max(1)
 
 
 # Constraints of candidate motions beyond the limits of single joints: loops, jumps, drives.
@@ -362,16 +356,14 @@ class Workspace:
     def kept(self, bound: float) -> np.ndarray:
         """Return whether candidates stay within the workspace, (m,) bool."""
         closed = (self.open == 0) & (self.leaps == 0) & (self.condition <= bound)
-        kept: np.ndarray = closed & (self.load <= 1)
-        return kept
+        return closed & (self.load <= 1)
 
     def cost(self, bound: float) -> Array:
         """Return the penalty of candidates, (m,); it is zero well inside the workspace."""
         with np.errstate(divide="ignore"):
             near = np.maximum(np.log(np.minimum(self.condition, 1e12) / (INNER * bound)), 0.0)
         heavy = np.maximum(np.log(np.maximum(self.load, INNER) / INNER), 0.0)
-        cost: Array = 20 * near**2 + 5.0 * (self.leaps > 0) + 20 * heavy
-        return cost
+        return 20 * near**2 + 5.0 * (self.leaps > 0) + 20 * heavy
 
 
 def survey(

@@ -161,8 +161,7 @@ def decision_chance(squares: Array) -> Array:
     `squares` are non-centralities: squares of the true effect's part outside of model and rival.
     """
     squares = np.maximum(squares, 1e-12)
-    chance: Array = ndtr((squares / 2 - RULES.rival) / np.sqrt(squares))
-    return chance
+    return ndtr((squares / 2 - RULES.rival) / np.sqrt(squares))
 
 
 @frozen
@@ -245,8 +244,7 @@ class Bench:
         R = gather_information(regression).factor(self.known.weights)[:, :k]
         # The information of a sample is known from those of the logs.
         own, theirs = (sampling_step(s.output_times()) for s in (samples, d.samples[0]))
-        said: Array = R.T @ R / PREPARED * own / theirs
-        return said
+        return R.T @ R / PREPARED * own / theirs
 
 
 def _find_undecided(d: Diagnosis) -> tuple[str, Placement, dict[Rival, list[Part]]]:

@@ -236,8 +236,7 @@ class Objective:
         motion = self._complete(np.atleast_2d(x), samples)
         if motion is None or self.drive is None:
             return np.empty(0)
-        torque: Array = self.drive.predict(motion).max(0)
-        return torque
+        return self.drive.predict(motion).max(0)
 
     def look(self, x: Array, samples: int) -> tuple[Array, Workspace]:
         """Return Gram matrices of logs and candidates together (m, k, k), and the workspace."""
@@ -271,8 +270,7 @@ class Objective:
         bad = space.open > 0
         G[bad] = np.eye(G.shape[1])
         cost = self.question.criterion.cost(G) + space.cost(self.limits.closure_bound)
-        closed: Array = np.where(bad, OPEN * (1 + space.open / self.samples), cost)
-        return closed
+        return np.where(bad, OPEN * (1 + space.open / self.samples), cost)
 
 
 # `search`: many random candidates, the best of them improved one after the other.

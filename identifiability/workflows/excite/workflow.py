@@ -282,7 +282,7 @@ def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Wor
 def _middle(found: Search) -> Array:
     """Return the random motion in the middle of all that keep the workspace."""
     order = [k for k in np.argsort(found.costs) if found.costs[k] < OPEN]
-    return np.asarray(found.draws[order[len(order) // 2]])
+    return found.draws[order[len(order) // 2]]
 
 
 def _with_noise(objective: Objective, x: Array, samples: int) -> Objective:
@@ -301,5 +301,4 @@ def _sigma(G: Array) -> Array:
     """Return standard deviations; a direction that nothing excites gets a large one."""
     unit, length = (part[0] for part in scaled(G[None]))
     inverse = np.linalg.pinv(unit, rcond=1e-13, hermitian=True)
-    sigma: Array = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / length
-    return sigma
+    return np.sqrt(np.maximum(np.diag(inverse), 0.0)) / length

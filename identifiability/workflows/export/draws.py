@@ -152,7 +152,7 @@ def _draw_values(fit: Fit, share: float, count: int, rng: np.random.Generator) -
     steps = APART * -(-count // (ENSEMBLES * WALKERS))
     found = sample_posterior(target, start, rng, walkers=WALKERS, warmup=WARMUP, draws=steps)
     kept = found.draws[:, :, APART - 1 :: APART].reshape(-1, len(structure.columns))
-    return np.asarray(kept[rng.permutation(len(kept))[:count]])
+    return kept[rng.permutation(len(kept))[:count]]
 
 
 def _prior(structure: Structure, data: LeastSquares, share: float) -> Prior:

@@ -696,8 +696,7 @@ def weigh_models(densities: Sequence[Array] | Array, rng: np.random.Generator) -
     drawn = rng.dirichlet(np.ones(each.shape[1]), LEVELS.draws) * each.shape[1]
     total = drawn @ each.T
     odds = np.exp(total - total.max(1, keepdims=True))
-    weights: Array = (odds / odds.sum(1, keepdims=True)).mean(0)
-    return weights
+    return (odds / odds.sum(1, keepdims=True)).mean(0)
 
 
 #: Models up to which all are measured: each takes a time with the third power of its columns.
