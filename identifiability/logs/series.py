@@ -179,11 +179,15 @@ def find_series(log: Log) -> dict[Kind, MotionSeries]:
     return add_fourier(log, spline)
 
 
+def _measured(log: Log) -> tuple[Array, list[Array], list[Array]]:
+    """Return times from zero on (N,), the measured channels (N, n), and their noise (n,)."""
+    channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
+    return log.t - log.t[0], channels, [measured_noise(x, log.t) for x in channels]
+
+
 def find_spline(log: Log) -> SplineFit | None:
     """Return the best spline of a log; None for one of too few rows."""
-    t = log.t - log.t[0]
-    channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
-    noise = [measured_noise(x, log.t) for x in channels]
+    t, channels, noise = _measured(log)
     splines = [
         _solve("spline", _spline_bases(t, count), channels, noise) for count in _counts(len(t))
     ]
@@ -198,9 +202,7 @@ def find_spline(log: Log) -> SplineFit | None:
 
 def add_fourier(log: Log, spline: SplineFit) -> dict[Kind, MotionSeries]:
     """Return the best series of each kind, given the spline."""
-    t = log.t - log.t[0]
-    channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
-    noise = [measured_noise(x, log.t) for x in channels]
+    t, channels, noise = _measured(log)
     found: dict[Kind, MotionSeries] = {"spline": spline.best}
     fourier = list(_fourier_series(t, channels, noise, spline.best))
     if fourier:
@@ -210,9 +212,7 @@ def add_fourier(log: Log, spline: SplineFit) -> dict[Kind, MotionSeries]:
 
 def refit(series: MotionSeries, log: Log) -> MotionSeries:
     """Return a series with as many coefficients, and the same period, through another log."""
-    t = log.t - log.t[0]
-    channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
-    noise = [measured_noise(x, log.t) for x in channels]
+    t, channels, noise = _measured(log)
     if series.period is None:
         return _solve("spline", _spline_bases(t, series.coefficients), channels, noise)
     bases = signals.fourier_bases(t, series.period, (series.coefficients - 1) // 2)
