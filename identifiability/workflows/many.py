@@ -130,7 +130,7 @@ def run_task(
         raise
     except Exception as error:  # noqa: BLE001 - one robot does not end the others
         said = f"It met a fault of this program, please report it: {type(error).__name__}: {error}."
-    return {**row, "failed": said}, b"", b""
+    return row | {"failed": said}, b"", b""
 
 
 def _state(told: Mapping[str, Any]) -> dict[str, Any]:
