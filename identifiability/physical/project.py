@@ -157,6 +157,13 @@ class Projection:
             own[:, columns] = relative_to(self.prior.phi[columns], name) * region.scale[columns]
         return maps
 
+    @cached_property
+    def nominal_bodies(self) -> Array:
+        """Scaled parameters of the bodies that `nominal` makes the identity, (nb, 10)."""
+        own = np.take_along_axis(self.nominal, self.region.bodies[:, None, :], axis=2)
+        found: Array = np.linalg.pinv(own) @ np.eye(4).ravel()
+        return found
+
     @property
     def held(self) -> Fixed:
         """Combinations that keep their values, be they none."""
@@ -184,7 +191,7 @@ class Projection:
         found: Optimum | None = Optimum(0 * program.stiff, none)
         if self.prior is not None:
             try:
-                found = next(follow(program, self.region, self.nominal, [self.prior.weight]), None)
+                found = next(self._follow(program, [self.prior.weight]), None)
             except np.linalg.LinAlgError:  # be it by rounding at an edge
                 return None
         if found is None:
@@ -270,7 +277,7 @@ class Projection:
         """
         program = self._state(data)
         # Only predictions of these are compared, in some nats.
-        for at in follow(program, self.region, self.nominal, weights, np.sqrt(RIDGE)):
+        for at in self._follow(program, weights, np.sqrt(RIDGE)):
             root = np.zeros_like(program.along)
             for (own, *_), curve in zip(program.chains, at.curves, strict=True):
                 size = 1 / np.sqrt(np.diag(curve))
@@ -281,6 +288,15 @@ class Projection:
                 along = program.along[:, own] * size
                 root[:, own] = np.sqrt(2.0) * solve_triangular(factor, along.T, lower=True).T
             yield self._phi(program, at), program.scale[:, None] * root
+
+    def _follow(
+        self, program: Program, weights: Sequence[float], near: float = 0.0
+    ) -> Iterator[Optimum]:
+        """Yield the optimum of a program under each weight, from the nominal bodies on."""
+        x = program.free.copy()
+        x[self.region.bodies] = self.nominal_bodies
+        start = program.along.T @ (x - program.free)
+        return follow(program, start, self.nominal, weights, near)
 
     def _phi(self, program: Program, found: Optimum) -> Array:
         x = program.free + program.along @ found.z
@@ -487,14 +503,15 @@ LOWER = 4 * ROW + COLUMN
 
 
 def follow(
-    program: Program, region: PhysicalSet, maps: Array, weights: Sequence[float], near: float = 0.0
+    program: Program, start: Array, maps: Array, weights: Sequence[float], near: float
 ) -> Iterator[Optimum]:
     """Yield the optimum under each weight of the prior, as long as the solver reaches it.
 
     Parameters
     ----------
     program : Program
-    region : PhysicalSet
+    start : (q,)
+        At which the bodies are nominal.
     maps : (nb, 16, p)
         To pseudo-inertias that the nominal bodies make the identity (`Projection.nominal`).
     weights : sequence of float
@@ -502,7 +519,6 @@ def follow(
     near : float
         Tolerance of the cost [σ²]; the solver's tolerance if that is smaller.
     """
-    start = _start_at_nominal(program, region, maps)
     paths = [_follow_chain(program, maps, start, own, weights, near) for own in program.chains]
     for optima in zip(*paths, strict=False):
         z = np.empty_like(program.stiff)
@@ -525,10 +541,8 @@ def _follow_chain(
 
     Parameters
     ----------
-    program, maps, weights, near
+    program, maps, start, weights, near
         As in `follow`.
-    start : (q,)
-        At which the bodies are nominal.
     chain
         One of the program's.
     """
@@ -571,9 +585,8 @@ def _follow_chain(
         step = size * step
         change = sign @ step + lack
         rise = (aim - y * change) / slack - y
-        values = _relative_change(rates @ step, weight)
-        to_values = _room(np.ones(values.size), values)
-        reach = min(to_values, _room(slack, change), _room(y, rise))
+        in_cones = _room_in_cones(rates @ step, weight)
+        reach = min(in_cones, _room(slack, change), _room(y, rise))
         z = z + reach * step
         slack = slack + reach * change
         y = y + reach * rise
@@ -582,14 +595,6 @@ def _follow_chain(
             at += 1
             left = STEPS
         weight = max(weights[min(at, len(weights) - 1)], LESS * weight)
-
-
-def _start_at_nominal(program: Program, region: PhysicalSet, maps: Array) -> Array:
-    """Return the point z (q,) at which the bodies are nominal."""
-    own = np.take_along_axis(maps, region.bodies[:, None, :], axis=2)
-    x = program.free.copy()
-    x[region.bodies] = np.linalg.pinv(own) @ np.eye(4).ravel()
-    return program.along.T @ (x - program.free)
 
 
 def _divergence(cone: Array, J: Array, weight: float) -> tuple[Array, Array]:
@@ -618,11 +623,15 @@ def _divergence(cone: Array, J: Array, weight: float) -> tuple[Array, Array]:
     return rates.reshape(-1, size), away.ravel() @ cone.reshape(-1, size)
 
 
-def _relative_change(rates: Array, weight: float) -> Array:
-    """Return eigenvalues of the changes of bodies, relative to the bodies, (4 nb,)."""
+def _room_in_cones(rates: Array, weight: float) -> float:
+    """Return the part of changes of bodies, at most one, that leaves all of them inside."""
+    # No eigenvalue is larger than the norm, which takes less time.
+    if rates @ rates <= EDGE**2 * weight:
+        return 1.0
     turn = np.zeros((len(rates) // 10, 4, 4))
     turn[:, ROW, COLUMN] = turn[:, COLUMN, ROW] = rates.reshape(-1, 10) / TWICE
-    return np.linalg.eigvalsh(turn / np.sqrt(weight)).ravel()
+    values = np.linalg.eigvalsh(turn / np.sqrt(weight)).ravel()
+    return _room(np.ones(values.size), values)
 
 
 def _room(value: Array, change: Array) -> float:

@@ -21,7 +21,7 @@ from identifiability.effects.inertia import WEIGHT, ActuatorInertia
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF, find_chains
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, once_each
@@ -180,6 +180,14 @@ class TorqueRows:
         """Base parameters whose columns act in each joint: in a tree few do."""
         joints = range(self.parts.shape[1])
         return [np.flatnonzero(self.parts[:, j].any((0, 2))) for j in joints]
+
+    @cached_property
+    def chains(self) -> list[np.ndarray]:
+        """Base parameters of each chain of joints that have some of them in common."""
+        acts = np.zeros(self.parts.shape[1:3], bool)
+        for joint, at in enumerate(self.acts):
+            acts[joint, at] = True
+        return [own for own in find_chains(acts) if acts[:, own].any()]
 
     def acting_gravity(self, gravity: Array) -> Array:
         """Return gravity (3,) [m/s²] of the same size, without its part that acts in no column.
@@ -384,9 +392,12 @@ class TorqueRows:
         cross = cross - gram @ known
         # Columns of length zero are not fitted.
         gram[[*fixed]] = gram[:, [*fixed]] = 0.0
-        nonnegative = self.structure.base.nonnegative
-        of_payload = np.zeros(size - len(nonnegative), bool)
-        return known + solve_nonnegative(gram, cross, np.append(nonnegative, of_payload))
+        of_payload = np.zeros(size - len(self.structure.base.nonnegative), bool)
+        nonnegative = np.append(self.structure.base.nonnegative, of_payload)
+        for own in self.chains:
+            among = gram[np.ix_(own, own)]
+            known[own] += solve_nonnegative(among, cross[own], nonnegative[own])
+        return known
 
     # Products of columns and torque, each computed once.
 
