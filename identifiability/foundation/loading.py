@@ -1,4 +1,4 @@
-"""Imports of large libraries: without a search for garbage, and without parts that nobody uses."""
+"""Imports of large libraries: without a search for garbage, and without unused modules."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Postponed(MetaPathFinder):
 
 
 def import_less() -> None:
-    """Leave out of all imports of a process what no command uses."""
+    """Postpone modules that no command uses, in this process."""
     sys.meta_path.insert(0, Postponed())
     # Commands draw no scenes. MuJoCo would start a second Python to look for a window.
     os.environ.setdefault("MUJOCO_GL", "disable")
