@@ -66,8 +66,7 @@ def held_since(t: Array, changes: Array) -> Array:
 def has_gap(t: Array) -> Array:
     """Return after which samples at times t (N,) others are missing, (N - 1,) bool."""
     steps = np.diff(t)
-    found: Array = steps > RULES.gap * np.median(steps)
-    return found
+    return steps > RULES.gap * np.median(steps)
 
 
 def is_constant(low: Array, high: Array, size: float = 0.0) -> Array:
@@ -84,8 +83,7 @@ def is_constant(low: Array, high: Array, size: float = 0.0) -> Array:
     (n,) bool
     """
     larger = np.maximum(np.abs(low), np.abs(high))
-    never: Array = high - low <= ROUNDOFF * (size + larger)
-    return never
+    return high - low <= ROUNDOFF * (size + larger)
 
 
 def never_moves(low: Array, high: Array) -> Array:
@@ -133,8 +131,7 @@ def butterworth_poles(share: float) -> Array:
     odd_numbers = 2 * np.arange(count) + 1
     angles = np.pi * (odd_numbers + count) / (2 * count)
     analog = radius * np.exp(1j * angles)
-    poles: Array = (1 + analog) / (1 - analog)
-    return poles
+    return (1 + analog) / (1 - analog)
 
 
 def lowpass(x: Array, dt: float, cutoff: float) -> Array:

@@ -83,8 +83,7 @@ class Spectrum:
         high = np.minimum(high, len(k))
         none = np.zeros((1, self.power.shape[1]))
         total = np.concatenate([none, np.cumsum(self.power, 0)])
-        mean: Array = (total[high] - total[low]) / (high - low)[:, None]
-        return mean
+        return (total[high] - total[low]) / (high - low)[:, None]
 
     @cached_property
     def noise(self) -> Array:
@@ -102,8 +101,7 @@ class Spectrum:
             0,
             len(at) - 1,
         )
-        density: Array = found[nearest]
-        return density
+        return found[nearest]
 
     @cached_property
     def motion(self) -> Array:
@@ -121,15 +119,13 @@ class Spectrum:
         """Return the mean square of each joint's acceleration up to a frequency, (n,)."""
         inside = self.f <= below
         density = self.motion * self._slope(self.order)
-        power: Array = self.f[1] * density[inside].sum(0)
-        return power
+        return self.f[1] * density[inside].sum(0)
 
     def noise_in_acceleration(self, cutoff: float) -> Array:
         """Return the mean square that noise has in each acceleration below a cut-off, (n,)."""
         at = min(int(np.searchsorted(self.f, cutoff)), len(self.f) - 1)
         slope = (2 * np.pi * cutoff) ** (2 * self.order)
-        power: Array = self.noise[at] * slope * cutoff / (2 * self.order + 1)
-        return power
+        return self.noise[at] * slope * cutoff / (2 * self.order + 1)
 
     def _slope(self, order: int) -> Array:
         return (2 * np.pi * self.f[:, None]) ** (2 * order)
@@ -318,8 +314,7 @@ def noise_level(x: Array, t: Array | None = None) -> Array:
     """
     if len(x) <= ORDER:
         return np.zeros(x.shape[1])
-    level: Array = np.sqrt(np.mean(_rough(x, t) ** 2, axis=0))
-    return level
+    return np.sqrt(np.mean(_rough(x, t) ** 2, axis=0))
 
 
 def _rough(x: Array, t: Array | None) -> Array:
@@ -329,8 +324,7 @@ def _rough(x: Array, t: Array | None) -> Array:
         gaps = np.concatenate([[0], np.cumsum(signals.has_gap(t))])
         whole = gaps[ORDER:] == gaps[:-ORDER]
         differences = differences[whole] if whole.any() and not whole.all() else differences
-    rough: Array = differences / np.sqrt(binom(2 * ORDER, ORDER))
-    return rough
+    return differences / np.sqrt(binom(2 * ORDER, ORDER))
 
 
 def resolution(x: Array) -> Array:
@@ -373,8 +367,7 @@ def autocorrelation(residual: Array) -> Array:
     spectrum = np.fft.rfft(residual - residual.mean(0), size, axis=0)
     acf = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[: len(residual)]
     variance = np.where(acf[0] > 0, acf[0], 1.0)
-    scaled: Array = acf / variance
-    return scaled
+    return acf / variance
 
 
 def autocorrelation_time(residual: Array) -> Array:
@@ -391,5 +384,4 @@ def integrate_correlation(acf: Array) -> Array:
     times = 2.0 * np.cumsum(acf, axis=0) - 1.0
     beyond = np.arange(len(acf))[:, None] >= WINDOW * times
     window = np.where(beyond.any(0), beyond.argmax(0), len(acf) - 1)
-    time: Array = times[window, np.arange(acf.shape[1])]
-    return time
+    return times[window, np.arange(acf.shape[1])]

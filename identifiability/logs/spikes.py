@@ -189,8 +189,7 @@ class Wraps:
         """Return a stretch of the column, (N,) from row `start` on, without jumps."""
         total = np.concatenate([[0.0], np.cumsum(self.turns)])
         at = np.searchsorted(self.rows, start + np.arange(len(values)), side="right")
-        whole: Array = values + total[at]
-        return whole
+        return values + total[at]
 
 
 def find_wraps(x: Array) -> Wraps | None:

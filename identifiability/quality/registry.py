@@ -251,8 +251,7 @@ def without(x: Array, known: Array) -> Array:
     Q, R = np.linalg.qr(known / np.where(size > 0, size, 1.0))
     kept = np.abs(np.diag(R)) > ROUNDOFF
     Q = Q[:, kept]
-    left: Array = x - Q @ (Q.T @ x)
-    return left
+    return x - Q @ (Q.T @ x)
 
 
 @frozen

@@ -400,13 +400,12 @@ def _motion(result: Excitation) -> list[Traces]:
     """Return every joint along the motion, and the limits that it keeps."""
     t, *parts = result.motion
     limits = result.limits
-    robot = result.robot
     highest = (limits.high, limits.speed, limits.acceleration)
     lowest = (limits.low, -limits.speed, -limits.acceleration)
     names = (("position", ""), ("velocity", "/s"), ("acceleration", "/s²"))
     shown = []
     for (name, per), x, low, high in zip(names, parts, lowest, highest, strict=True):
-        own = [f"{unit}{per}" for unit in robot.position_units]
+        own = [f"{unit}{per}" for unit in result.robot.position_units]
         bounds = np.stack([low, high], 1)
         shown.append(motion_traces(name, t, x, limits.joints, own, bounds))
     return shown

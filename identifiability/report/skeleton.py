@@ -329,8 +329,7 @@ def _directions(robot: Robot) -> Array:
     up = np.array([0.0, 0.0, 1.0])
     gravity = robot.gravity
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else up
-    rows: Array = pin.exp3(shortest_turn(up, vertical)).T
-    return rows
+    return pin.exp3(shortest_turn(up, vertical)).T
 
 
 def _ground(points: Array, robot: Robot, place: Callable[[Array], Array]) -> tuple[Array, ...]:

@@ -449,8 +449,7 @@ class Dataset:
 
     def output_times(self, at: slice | Array = slice(None)) -> Array:
         """Return the times of samples after decimation [s], all by default."""
-        times: Array = self.motion.t[self.at_outputs[at]]
-        return times
+        return self.motion.t[self.at_outputs[at]]
 
     @property
     def at_outputs(self) -> Array:

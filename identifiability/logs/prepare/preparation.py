@@ -170,8 +170,7 @@ def _lasting(x: Array, window: int) -> Array:
     """Return a mask of x (N,) bool that is true for at least a window around some sample."""
     size = 2 * (window // 2) + 1  # an opening, in a time that does not grow with the window
     slow = scipy.ndimage.minimum_filter1d(x.astype(np.uint8), size, mode="constant")
-    kept: Array = scipy.ndimage.maximum_filter1d(slow, size, mode="constant") > 0
-    return kept
+    return scipy.ndimage.maximum_filter1d(slow, size, mode="constant") > 0
 
 
 @frozen
@@ -457,8 +456,7 @@ class Plan:
 
 def _reached(x: Array, reach: int) -> Array:
     """Return (N, n) bool that is true within `reach` samples of any true value."""
-    out: Array = scipy.ndimage.maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
-    return out
+    return scipy.ndimage.maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
 
 
 def joint_log(robot: Robot, log: Log) -> Log:

@@ -344,14 +344,12 @@ def is_noise(rms: Array, noise: Array | None) -> Array:
     """
     if noise is None:
         return np.zeros(len(rms), bool)
-    mainly: Array = 2 * noise**2 >= rms**2
-    return mainly
+    return 2 * noise**2 >= rms**2
 
 
 def torque_noise(samples: Sequence[Dataset]) -> Array:
     """Return the noise of each joint's torque in the least noisy of some logs, (n,) [N·m or N]."""
-    least: Array = np.min([s.torque_noise for s in samples], axis=0)
-    return least
+    return np.min([s.torque_noise for s in samples], axis=0)
 
 
 def state_uneven(

@@ -332,8 +332,7 @@ class TrueRobots:
         rows = rows[self.scatter[rows].any(1)]
         if len(rows):
             theta[rows] = make_possible(theta[rows], self.structure.nominal[rows])
-        base: Array = self.structure.G @ theta
-        return base
+        return self.structure.G @ theta
 
 
 def make_possible(theta: Array, like: Array) -> Array:
@@ -350,8 +349,7 @@ def make_possible(theta: Array, like: Array) -> Array:
     values, vectors = np.linalg.eigh(to_matrix(theta) / scale)
     kept = np.maximum(values, 0.0)[:, None, :]
     J = (vectors * kept) @ vectors.swapaxes(1, 2) * scale
-    possible: Array = J.reshape(-1, 16) @ _TO_THETA
-    return possible
+    return J.reshape(-1, 16) @ _TO_THETA
 
 
 # `World`: simulated repetitions of an experiment, as like the real one as the log can tell.

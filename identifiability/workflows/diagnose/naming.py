@@ -162,8 +162,7 @@ class Naming:
         at = [k for p in parts for k in self.parts[p].candidate.columns]
         none = np.zeros(len(self.fitted))
         each = [self.missing.entries.get((joint, k), none) for k in at]
-        out: Array = np.reshape(each, (-1, len(none))).T
-        return out
+        return np.reshape(each, (-1, len(none))).T
 
     def acts(self, part: int) -> list[int]:
         """Return the joints in which a part acts."""
@@ -217,8 +216,7 @@ class Naming:
         """Return base parameters of the completed model by those of a smaller one, (b, b0)."""
         columns = self.completed.columns
         smaller_columns = [columns.index(n) for n in smaller.base.names]
-        found: Array = self.completed.G[:, smaller_columns]
-        return found
+        return self.completed.G[:, smaller_columns]
 
     @cached_property
     def regression(self) -> Regression:
@@ -253,8 +251,7 @@ class Naming:
         estimated once, with all parts, to compare many models.
         """
         fit, some = self._fit(parts)
-        base: Array = self.of(self.problem.plain) @ self.known.base + some @ fit.value
-        return base
+        return self.of(self.problem.plain) @ self.known.base + some @ fit.value
 
     def _fit(self, parts: Sequence[int]) -> tuple[Estimate, Array]:
         """Return the fit of independent columns (b, k) of the model with some parts, and these."""
