@@ -159,7 +159,7 @@ def stribeck_velocities(span: Span) -> tuple[float, ...]:
     told_by=SPEEDS,
 )
 class StribeckFriction(Shaped):
-    """``τ = (Fs − Fc) exp(−|q̇/vs|) sign(q̇)``: the excess of static over Coulomb friction.
+    """``τ = Fs exp(−|q̇/vs|) sign(q̇)``: Fs is the excess of static over Coulomb friction.
 
     Its shape is the Stribeck velocity vs [rad/s or m/s], by default a tenth of the speed limit.
     The level cannot be negative. Over a narrow range of speeds it looks like Coulomb with quadratic
@@ -167,7 +167,7 @@ class StribeckFriction(Shaped):
     """
 
     name = "stribeck_friction"
-    equation = "τ = (Fs − Fc) exp(−|q̇/vs|) sign(q̇)"
+    equation = "τ = Fs exp(−|q̇/vs|) sign(q̇)"
     source = "[Olsson 1998, Eq. 4]; [Díaz 2010, Eq. 20] prints it without minus sign"
     of_drive = True
     units = (("Fs", "N·m", "N"),)

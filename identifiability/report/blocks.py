@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -113,11 +114,14 @@ class Traces:
     caption : str
     shown : int
         The group that is shown first.
+    gaps : str
+        What grey bands mean, for groups that have some.
     """
 
     groups: tuple[Trace, ...]
     caption: str = ""
     shown: int = 0
+    gaps: str = ""
 
 
 @frozen
@@ -534,12 +538,10 @@ def torque_traces(
         known = np.where(np.isfinite(half), half, np.nan)
         lines |= {"95 % from": predicted - known, "95 % to": predicted + known}
     caption = sentence("analysis.traces", log=log)
-    gaps = np.isnan(lines["residual"]).any(0)
-    if gaps.any():
-        caption += sentence("moving", "gaps", joints=np.array(joints)[gaps].tolist())
     missed, whole = (np.ma.masked_invalid(y).std(0) for y in (lines["residual"], measured))
     worst = int((missed / whole).filled(0.0).argmax())
-    return traces(t, joints, units, lines, caption=caption, shown=worst)
+    drawn = traces(t, joints, units, lines, caption=caption, shown=worst)
+    return replace(drawn, gaps=sentence("moving", "gaps"))
 
 
 def count_joints(robot: Robot) -> str:

@@ -661,7 +661,7 @@ def draw_ladder(
         "o-",
         color=BLUE,
         markersize=5,
-        label="left-out stretches",
+        label="cross-validation",
     )
     axes.plot(
         sizes,

@@ -78,15 +78,15 @@ def profile(result: Analysis, name: str) -> Figure:
 def reduction_path(result: Ladder) -> Figure:
     """Draw the error of each model of a pruning against its number of parameters.
 
-    Left-out stretches choose the model. Held-out logs judge it; without them the error of the fit
-    is drawn.
+    Cross-validation chooses the model. Held-out logs judge it; without them the error of the fit
+    is drawn. All errors are of the estimates: only the model to use has physically consistent ones.
     """
     held_out = bool(result.validation)
     name = "held-out logs" if held_out else "fitted stretches"
     submodels = [
         (
             len(r),
-            r.error_ra_validation if held_out else r.error_ra,
+            r.unseen_by(0) if held_out else float(r.fitted.relative_error()[0]),
             r.error_ra_unseen,
             r.error_se,
         )

@@ -302,7 +302,7 @@ def move_with_torque(
     own = {what: y[:end, k] for what, y in lines.items()}
     caption = sentence("moving", how, log=log, joint=name)
     if any(np.isnan(y).any() for y in own.values()):
-        caption += sentence("moving", "gaps", joints=[name])
+        caption += sentence("moving", "gaps")
     poses = {"measured": ("grey", motion.q[rows])}
     told = (lambda at: []) if residual is None else (lambda at: [[missed[row] for row in at]])
     moving = move_skeletons(robot, t[:end], poses, told, caption, load)

@@ -31,7 +31,8 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     masses = {row["body"]: row for row in mass_rows(robot, known)}
     if not kinds:
         return None
-    names = [k if k in JOINT_KINDS else "rotor" for k in kinds]
+    rotor = "screw" if {*robot.torque_units} == {"N"} else "rotor"
+    names = [k if k in JOINT_KINDS else rotor for k in kinds]
     moved = zip(robot.bodies, robot.links, strict=True)
     bodies = {dof: body for body, link in moved for dof in robot.tree.joints[link.last].dofs}
     motors = [a.name for a in robot.axes if a.name not in robot.joints]

@@ -40,6 +40,13 @@ FOLDED = """() => {
   return [hidden, rows.reduce((sum, row) => sum + (parseInt(row.dataset.folded.slice(1)) || 0), 0)];
 }"""
 
+#: Whether grey bands are explained below each joint that has some, and below no other.
+GAPS = """() => [...document.querySelectorAll(".traces .chip[data-trace]")].map((chip) => {
+  chip.click();
+  const note = chip.closest("figure").querySelector(".gaps");
+  return [JSON.parse(chip.dataset.trace).rows[1].includes(null), !note.hidden];
+})"""
+
 #: How far the page and each of its tables reach beyond what is shown [px].
 BEYOND = """() => {
   const root = document.documentElement, boxes = [...document.querySelectorAll(".table-box")];
@@ -73,6 +80,12 @@ def test_chips_show_only_the_rows_with_their_verdict(reports, visit):
     assert said == f"{len(some)} of {total} shown"
     assert pressed == "true"
     assert back == total
+
+
+def test_grey_bands_are_explained_below_the_joints_that_have_some(reports, visit):
+    with visit(reports["demo"]) as seen:
+        told = seen.page.evaluate(GAPS)
+    assert {(has, has) for has, _ in told} == {*map(tuple, told)}
 
 
 def test_a_page_says_how_many_models_of_a_path_are_folded(reports, visit):

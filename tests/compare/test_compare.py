@@ -74,6 +74,8 @@ def test_torque_that_all_logs_have_is_no_part_of_a_change():
     after = logs(PLANAR, 30, extra=slips, shoulder=1.2)[1]
     found = compare(PLANAR, logs(PLANAR, 0, extra=slips)[0], after)
     assert found.lacks == ("an unnamed function of velocity in elbow",)
+    assert "lacks nonlinear friction (such as Stribeck friction) in elbow." in found.statement
+    assert "diagnose(" in found.next()[-1][1]
     rubs = joint_torque(own.robot, own.move, own.rigid, own.robot.nominal)
     assert np.std(found.torque.explained[:, 0]) == pytest.approx(0.2 * np.std(rubs[:, 0]), rel=0.2)
     assert not found.torque.explained[:, 1].any()

@@ -64,6 +64,10 @@ def test_a_prediction_says_which_effect_its_fit_lacks_and_how_to_find_it(analysi
     found = replace(found, fit=replace(found.fit, missing=("Stribeck friction in elbow",)))
     assert "Not yet: the model lacks Stribeck friction in elbow." in found.statement
     assert "diagnose(" in found.next()[0][1]
+    files = replace(found, logs=("c.csv",), fit=replace(found.fit, sides=(("a.csv",), ())))
+    (_, find), (told, _), _ = files.answers()[-1].commands
+    assert find.startswith("identifiability ")  # only the fit is in memory
+    assert "(in Python; `robot` is" in told
 
 
 def test_what_is_read_back_predicts_the_same(analysis, make_log, tmp_path):
@@ -92,7 +96,7 @@ def test_torque_is_told_apart_low_passed_and_raw(make_log):
     assert result.fit.preparation.cutoff == result.samples[0].cutoff
     assert found.error_ra < found.error_ra_raw
     assert (found.low < found.new).all()
-    assert "Before low-pass filtering the error is" in found.details
+    assert "; before low-pass filtering" in found.details
 
 
 def test_what_the_fitted_motion_never_showed_is_not_predicted(make_log):

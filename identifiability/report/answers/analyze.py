@@ -139,7 +139,9 @@ class LadderedPresenter(PredictingPresenter):
             line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
             begun = commands.name_logs(result.robot, names, "--start-from", how)
             more = f"excite {self.robot} {begun} --out next.json"
-            out = [command("prune", line), command("measure", more)]
+            # Another motion separates values from offsets, a smaller model does not.
+            apart = -1 if of_key(result.hints, "excluded_offsets") else 1
+            out = [command("prune", line), command("measure", more)][::apart]
         if result.recordings.commanded or not find_rises(result.real_robot, "mjcf"):
             export = partial(commands.export_line, result.robot)
             line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
@@ -471,8 +473,9 @@ def _state_in_doubt(result: Laddered[Any]) -> str:
     effects = Counter(filter(None, (alternatives.names[k] for k in doubted)))
     ((effect, _),) = effects.most_common(1) or [("", 0)]
     names = [chosen.verdicts[k].name for k in doubted]
-    lacks = "lacks" if effect in result.missing.functions else "may lack"
-    return effect and sentence("trust", "doubted", names=names, effect=effect, lacks=lacks)
+    lacks = effect in result.missing.functions  # the headline says it
+    may = "" if lacks else sentence("trust", "may", effect=effect)
+    return effect and sentence("trust", "doubted", names=names, effect=may)
 
 
 def _state_measurement(result: Laddered[Any]) -> str:

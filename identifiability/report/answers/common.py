@@ -210,16 +210,23 @@ class AnsweringPresenter(Presenter, ABC):
             return asked
         again = f"identifiability {self.verb} "
         shown = lines_in_memory([line for _, line in commands], self.verb)
-        lines = list[Command]()
-        for (what, line), new in zip(commands, shown, strict=True):
-            reruns = new == line and line.startswith(again)
-            purpose = sentence("next", "again", what=what.rstrip(":")) if reruns else what
-            lines.append((purpose if lines else what, new))
         first = commands[0][1]
+        lines = [(commands[0][0], shown[0])]
+        for (what, line), new in zip(commands[1:], shown[1:], strict=True):
+            part = "again" if line.startswith(again) else ""
+            if new != line:  # variables are explained once
+                part = "mixed" if shown[0] == first else ""
+            lines.append((_state_purpose(what, part, new), new))
         where = "rerun" if first.startswith(again) else "run"
         where = where if shown[0] == first else "python"
         step = answer("next", where, variables=_explain_variables(shown[0]))
         return (*asked, replace(step, commands=tuple(lines)))
+
+
+def _state_purpose(what: str, part: str, line: str) -> str:
+    """Return the purpose of a line, with that it runs again or is Python, as `part` says."""
+    holes = {"what": what.rstrip(":"), "variables": _explain_variables(line)}
+    return sentence("next", part, **holes) if part else what
 
 
 def _explain_variables(call: str) -> list[str]:
@@ -295,10 +302,10 @@ class PredictingPresenter(AnsweringPresenter):
         if tone != "vermilion" and reserved:
             later = f"{uses[0].lower()}{uses[1:]}"
             uses = sentence("quality", "reserved", doubt=reserved, uses=later)
-        text = join_sentences(text, uses)
         # A filter makes a difference.
         if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
-            more = join_sentences(sentence("quality", "raw", raw=raw), more)
+            text = sentence("quality", "raw", told=text.removesuffix("."), raw=raw)
+        text = join_sentences(text, uses)
         if noisy:
             text, more = sentence("quality", "quieter"), join_sentences(text, more)
         found = answer("quality", part, text, tone, question=question, error=error, worst=worst)
@@ -443,19 +450,29 @@ def answer_trust(
     usual = WORDS["note.hint"]["title"].rstrip(".")
     checks = [n.text for n in notes if n.level == "warning" and n.title.rstrip(".") == usual]
     titles = [f"“{title}”" for title in dict.fromkeys(graver) if title != usual]
-    first = first_sentence(*checks).partition(": ")[0]  # the note below has the rest
     if not missing:
-        titles += filter(None, [first, in_doubt])
+        titles += filter(None, [_head_check(checks), in_doubt])
         if len(checks) > 1:
             titles.append(sentence("trust", "checks", count=checks[1:]))
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
     grave = "; ".join([*(read if warnings else []), *titles])
     if missing:
-        text = sentence("trust", "read", grave=grave) if grave else ""
+        text = _state_open({"until": in_doubt, "read": grave})
         return answer("trust", "if_nothing", text, missing=missing)
     if grave:
         return answer("trust", "care", sentence("trust", "open") if in_doubt else "", grave=grave)
     return answer("trust", "yes", sentence("trust", "nothing"))
+
+
+def _state_open(parts: dict[str, str]) -> str:
+    """Return the reasons for doubt that are there, each in its sentence of `trust`."""
+    return " ".join(sentence("trust", part, told=text) for part, text in parts.items() if text)
+
+
+def _head_check(checks: Sequence[str]) -> str:
+    """Return the first check in short: a note below the answers has all of several sentences."""
+    first = first_sentence(*checks)
+    return first.partition(": ")[0] if ". " in "".join(checks[:1]) else first
 
 
 def state_contradicted(

@@ -27,6 +27,7 @@ from identifiability.foundation.rounding import (
 from .commands import export_line, ladder_option, name_logs, validate_options
 from .common import (
     NAMED,
+    WORDS,
     AnsweringPresenter,
     Command,
     answer,
@@ -87,7 +88,7 @@ class ComparisonPresenter(AnsweringPresenter):
         if not result.changes:
             export = export_line(result.robot, "analyze.json")
             fit = self._fit_line((*result.before, *result.after))
-            return [command("export", f"{fit} && identifiability {export}")]
+            return [command("export", f"{fit} && identifiability {export}"), *self._diagnose()]
         loads = [x for c in result.changes for x in (c, *c.alternatives) if x.kind == "load"]
         bodies = [x.place for x in loads if x.place in result.robot.bodies]
         if bodies:
@@ -96,8 +97,19 @@ class ComparisonPresenter(AnsweringPresenter):
             without = "".join(f" --without {path_for_shell(path)}" for path in result.before)
             weigh = f"payload {self.robot} analyze.json {logs} {body}{without} --report load.html"
             fit = self._fit_line(result.before)
-            return [command("fit_and_weigh", f"{fit} && identifiability {weigh}")]
-        return [command("fit_now", f"{self._fit_line(result.after)} --report report.html")]
+            return [
+                command("fit_and_weigh", f"{fit} && identifiability {weigh}"),
+                *self._diagnose(),
+            ]
+        now = f"{self._fit_line(result.after)} --report report.html"
+        return [command("fit_now", now), *self._diagnose()]
+
+    def _diagnose(self) -> list[Command]:
+        """Return the line that names the effects that the model lacks, if it lacks any."""
+        result = self.result
+        logs = name_logs(result.robot, result.before, how=result.preparation)
+        line = f"diagnose {self.robot} {logs} --out model.toml --report missing.html"
+        return [command("missing", line)] if result.lacks else []
 
     def _fit_line(self, paths: Sequence[str]) -> str:
         """Return the line that fits logs; the last of several is held out."""
@@ -339,9 +351,10 @@ def _answer_trust(result: Comparison) -> Answer:
     about = "comparison.trust"
     if not result.lacks:
         return answer(about, "logs", "", "amber")
-    lacks = [
-        name.replace("an unnamed function of", "a torque that depends on") for name in result.lacks
-    ]
+    unnamed: dict[str, str] = WORDS["comparison.unnamed"]
+    lacks = [*result.lacks]
+    for name, words in unnamed.items():
+        lacks = [x.replace(f"an unnamed function of {name}", words) for x in lacks]
     return answer(about, "lacks", sentence(about, "allowed"), "amber", lacks=lacks)
 
 

@@ -159,6 +159,9 @@ class DiagnosisPresenter(PredictingPresenter):
         if result.bending is not None and result.bending.joints:
             tables.append(make_table("bending", _list_bending(result)))
         joints = add_units(result.error_frame(), "rms_before", "rms_after")
+        named = {p.place: title_of(e.name) for e in result.effects for p in e.placements}
+        for row in joints:
+            row["joint"] = Cell(row["joint"], note=named.get(row["joint"], ""))
         return (*tables, make_table("gap", joints))
 
     def cautions(self) -> tuple[Note, ...]:
@@ -480,10 +483,12 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
         equation = find_family(e.name).effect.equation
         name = Cell(" or ".join(list_names(e)), note=equation)
         for p in e.placements:
-            added = unit_cell(p.rms, units.get(p.place, of_any))
+            added = unit_cell(p.peak, units.get(p.place, of_any))
+            limit = sentence("diagnosis.missing", "limit") if np.isfinite(p.shape) else ""
             for parameter, value, error, unit in p.rows:
                 named = name if p.sure else sentence("diagnosis.missing", "unsure")
-                yield named, parameter, measured(value, error, unit), p.odds, p.unseen, added
+                size = Cell(measured(value, error, unit), value, note=limit)
+                yield named, parameter, size, p.odds, p.unseen, added
 
 
 class ForwardGapPresenter(Presenter):

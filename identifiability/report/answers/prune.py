@@ -11,7 +11,7 @@ import numpy as np
 from identifiability.estimation.evidence import LEVELS, may_stand
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
-from identifiability.foundation.rounding import format_count, format_number, percent_text
+from identifiability.foundation.rounding import LEVEL, format_count, format_number, percent_text
 
 from .analyze import (
     LadderedPresenter,
@@ -58,7 +58,9 @@ class LadderPresenter(LadderedPresenter):
         why, rule = _state_choice(result) if used < size else ("", "")
         known = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
-        text = join_sentences(why, _state_dropped(result), known, signs, state_nearest(chosen))
+        near = sentence("pruning.choice", "used", error=chosen.error_ra_validation)
+        near = near if chosen.physical_used else state_nearest(chosen)
+        text = join_sentences(why, _state_dropped(result), known, signs, near)
         tone = "green" if is_nearly_real(chosen) else "amber"
         found = answer(about, part, text, tone, size=size, used=used, cost=_state_cost(result))
         return replace(found, more=rule)
@@ -67,7 +69,15 @@ class LadderPresenter(LadderedPresenter):
         """Yield the caveats, and whether the choice is stable."""
         yield from super().notes()
         weight = self.result.chosen.weight
-        yield note("stable" if weight > 0.5 else "unstable", weight=weight)
+        if weight > 0.5:
+            yield note("stable", weight=weight)
+            return
+        likely, total = [], 0.0
+        for model in sorted(self.result.models, key=lambda m: -m.weight):
+            if total < LEVEL:
+                likely.append(len(model))
+            total += model.weight
+        yield note("unstable", low=min(likely), high=max(likely))
 
 
 def _state_choice(result: Ladder) -> tuple[str, str]:
@@ -85,12 +95,15 @@ def _state_choice(result: Ladder) -> tuple[str, str]:
 
 
 def _state_cost(result: Ladder) -> str:
-    """Return the error on unseen motion, and that of the full model; nothing if unknown."""
-    error = result.chosen.error_ra_validation
+    """Return the error of the estimates on unseen motion, and that of the full model's.
+
+    Nothing if unknown. Larger models have no physically consistent values to compare.
+    """
+    error = result.chosen.unseen_by(0)
     if not np.isfinite(error):
         return ""
     size = len(result.full)
-    full = result.full.error_ra_validation
+    full = result.full.unseen_by(0)
     return sentence("pruning.use", "cost", error=error, size=size, full=full)
 
 
@@ -115,6 +128,7 @@ def _move_row(r: PrunedModel) -> dict[str, Any]:
     worst_cell = Cell(percent_text(worst), worst, condition)
     cells = {
         "move": Cell(capital(text), note=why),
+        "error_ra": float(r.fitted.relative_error()[0]),  # of the estimates, as of other models
         "worst": worst_cell,
     }
     return model_row(r) | cells

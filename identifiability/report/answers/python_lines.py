@@ -31,6 +31,9 @@ OF_LOGS = ("analyze", "prune", "diagnose", "calibrate", "inspect")
 #: Method that writes the file of `--out`, by the verb.
 OUT = {"diagnose": "write_model", "prune": "write_model", "excite": "write_motion"}
 
+#: Name of a result that is no file.
+RESULT = "the result"
+
 #: Variable that a verb's result gets.
 VARIABLES = {
     "diagnose": "missing",
@@ -65,6 +68,8 @@ def python_lines(line: str) -> str:
 def lines_in_memory(lines: Sequence[str], verb: str) -> list[str]:
     """Return lines as calls in Python that use variables, if one names a log that is no file.
 
+    If only the result is no file, the lines that do not name it stay as they are.
+
     Parameters
     ----------
     lines : sequence of str
@@ -73,10 +78,12 @@ def lines_in_memory(lines: Sequence[str], verb: str) -> list[str]:
     """
     every = [_read_calls(line) for line in lines]
     commands = [one for calls in every for one in calls]
-    if not any(_names_memory(given, options) for _, given, options in commands):
-        return [*lines]
+    mixed = not any(_names_memory(given, options) for _, given, options in commands)
     shown = []
-    for calls in every:
+    for line, calls in zip(lines, every, strict=True):
+        if mixed and not any(RESULT in given for _, given, _ in calls):
+            shown.append(line)
+            continue
         own, _, options = calls[0]
         again = len(calls) > 1 and own == verb
         if own == verb == "diagnose" and "next" in options:
@@ -103,8 +110,8 @@ def _split_commands(line: str) -> list[list[str]]:
 
 def _names_memory(given: Sequence[str], options: dict[str, list[str]]) -> bool:
     """Return whether a command names a log or a ladder that is in memory."""
-    names = [*given[1:], *(name for key in (*LOGS, "ladder") for name in options.get(key, ()))]
-    return any(map(_in_memory, names))
+    named = (name for key in (*LOGS, "ladder") for name in options.get(key, ()))
+    return any(_in_memory(name) for name in (*given[1:], *named) if name != RESULT)
 
 
 def _in_memory(name: str) -> bool:
@@ -157,7 +164,7 @@ def _variable(name: str, usual: str) -> str:
         Variable of a log; empty for one by the name of the log.
     """
     place = Path(name)
-    if name == "the result":
+    if name == RESULT:
         return _Variable("result")
     if _in_memory(name):
         return _Variable(usual or re.sub(r"\W|^(?=\d)", "_", name))

@@ -7,6 +7,7 @@ function drawTraces(figure) {
   const show = (button) => {
     for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
     const data = JSON.parse(button.dataset.trace);
+    for (const note of figure.querySelectorAll(".gaps")) note.hidden = !data.rows[1].includes(null);
     if (plot) plot.destroy();
     const [ink, line] = [colour("--muted"), colour("--line")];
     const strokes = [colour("--muted"), colour("--blue"), colour("--purple"), colour("--sky"), colour("--green")];

@@ -53,8 +53,8 @@ class PrunedModel(ModelResult):
 
     @property
     def error_ra_unseen(self) -> float:
-        """ε_RA on stretches (or logs) that the fits have not seen."""
-        return float(self.crossed.relative_error()[int(self.physical_used)])
+        """ε_RA of the estimates on stretches (or logs) that the fits have not seen."""
+        return float(self.crossed.relative_error()[0])
 
     @property
     def error_se(self) -> float:
