@@ -22,8 +22,15 @@ from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.predict import Fit
 
 from . import plot
-from .answers.analyze import error_tables, file_table, label_note, model_title, parameter_table
-from .answers.common import capital, note, sentence, words
+from .answers.analyze import (
+    error_tables,
+    file_table,
+    label_note,
+    model_title,
+    parameter_table,
+    state_nearest,
+)
+from .answers.common import capital, join_sentences, note, sentence, words
 from .answers.tables import make_table
 
 if TYPE_CHECKING:
@@ -275,7 +282,9 @@ def section_physics(analysis: Analysis) -> Section:
     physical = analysis.chosen.physical
     assert physical is not None
     active = () if physical.nearest is None else physical.nearest.active
-    certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
+    certificate = join_sentences(
+        state_nearest(analysis.chosen), physical.sentence, analysis.mass_warning
+    )
     held = ""
     if active or physical.feasible:
         held = sentence("analysis.held", "some" if active else "none", names=active)

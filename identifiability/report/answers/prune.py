@@ -122,12 +122,12 @@ def _move_row(r: PrunedModel) -> dict[str, Any]:
     text = r.name
     if move is not None:
         # A drop has no reason beyond its cost, which the lead of the table states.
-        text = f"{move.kind.value}: {move.text}" if move.why else move.text
+        text = f"{capital(move.kind.value)}: {move.text}" if move.why else move.text
     why = "" if move is not None and not move.why else r.reason
     condition = f"condition {format_number(r.estimate.condition, 3)}"
     worst_cell = Cell(percent_text(worst), worst, condition)
     cells = {
-        "move": Cell(capital(text), note=why),
+        "move": Cell(text, note=why),
         "error_ra": float(r.fitted.relative_error()[0]),  # of the estimates, as of other models
         "worst": worst_cell,
     }

@@ -76,10 +76,10 @@ class Move:
 
     @property
     def text(self) -> str:
-        """The move as text, ``zero platform.mz`` or ``slider1.Fc+ = slider1.Fc-``."""
+        """The move as text, ``platform.mz = 0`` or ``slider1.Fc+ = slider1.Fc-``."""
         parts = [" = ".join(members) for members in self.tie]
         if self.zero:
-            parts.append(f"zero {', '.join(self.zero)}")
+            parts.append(f"{', '.join(self.zero)} = 0")
         return "; ".join(parts)
 
 

@@ -61,7 +61,7 @@ def test_a_number_that_the_logs_do_not_determine_may_be_bounded_from_one_side(fo
 def test_a_flat_profile_names_the_simpler_model_and_prune_takes_the_step():
     case = case_of(0.0)
     assert "simpler model that has Coulomb friction in elbow" in analyze(case).statement
-    assert prune(case).models[1].step.move.text == "zero elbow.Fs"
+    assert prune(case).models[1].step.move.text == "elbow.Fs = 0"
 
 
 def test_friction_of_another_form_stays_in_doubt_in_a_joint_that_turns_all_the_time():
