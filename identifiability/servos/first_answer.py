@@ -49,7 +49,10 @@ class FirstAnswer(Result):
         The standard deviation of its gain is relative; it is 0 for a stated gain.
         """
         found = self.found
-        log_kp_sd = np.sqrt(np.diag(found.covariance))[2 * len(self.robot.joints) :]
+        problem = found.search[0]
+        is_fitted = problem.varied[problem.at("kp")]
+        sd = np.sqrt(np.diag(found.covariance))[2 * len(self.robot.joints) :]
+        log_kp_sd = np.where(is_fitted, sd, 0.0)
         for j, joint in enumerate(self.robot.joints):
             numbers = {kind: float(found.numbers[kind][j]) for kind in STATED}
             error = 1e3 * float(found.errors[j])

@@ -233,10 +233,9 @@ def _without_rollouts(recordings: Recordings, servo: Servo, error: RobotError) -
 def _delay_doubts(own: dict[int, Log], servo: Servo, found: Rollouts) -> list[dict[int, Log]]:
     """Return each log with commands that act one standard deviation of its delay later.
 
-    No command acts before it is sent: a negative delay is an error of the rows.
+    Rows that are logged later than their commands have a negative delay, which is known as well.
     """
-    errors = np.maximum(found.delay_errors, -found.delays)
-    pairs = zip(own.items(), errors.tolist(), strict=True)
+    pairs = zip(own.items(), found.delay_errors.tolist(), strict=True)
     return [{k: replace_servo(log, servo, servo, sd)} for (k, log), sd in pairs if sd]
 
 

@@ -113,7 +113,7 @@ def state_gains(
     within = percent(shares[surest])
     listed = "; ".join(filter(None, [of_kp, of_kv, of_ki]))
     text = [phrase("gains.found", "says", names=list(names), gains=listed or "none by itself")]
-    if np.isnan(asked.kp).any():
+    if np.isnan(asked.kp).all():
         text.append(phrase("gains.found", "bodies", body=surest, within=within))
     ratios = np.flatnonzero(np.isnan(asked.kp) & moves & ~is_told)
     if len(ratios):

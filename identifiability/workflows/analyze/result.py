@@ -697,12 +697,14 @@ def stated_values(analysis: Laddered[Any], result: ModelResult) -> list[float | 
     """Return the estimates expected for the robot of the file; None where the file states nothing.
 
     Estimates may be combinations of several parameters. They are compared with the same
-    combinations of the file's values. Zero friction and zero rotor inertia count as not stated.
+    combinations of the file's values. Zero friction and zero rotor inertia count as not stated, and
+    so do combinations with them.
     """
     nominal = analysis.robot.nominal
     base = analysis.base
     known = {n for n, x in nominal.items() if x or n.rpartition(".")[2] in INERTIAL_KINDS}
     terms = map(base.terms, range(len(base)))
-    stated = np.array([any(p.name in known for _, p in own) for own in terms])
-    states = stated @ (result.submodel.M != 0)
-    return [v.projected if own else None for v, own in zip(result.verdicts, states, strict=True)]
+    lacks = np.array([any(p.name not in known for _, p in own) for own in terms])
+    is_lacking = lacks @ (result.submodel.M != 0)
+    pairs = zip(result.verdicts, is_lacking, strict=True)
+    return [None if lack else v.projected for v, lack in pairs]
