@@ -119,7 +119,7 @@ def _move_row(r: PrunedModel) -> dict[str, Any]:
     """Return a model of the path, and the move that led to it, as one row of a table."""
     move = r.step.move
     worst = r.worst_sigma_percent
-    text = r.name
+    text = capital(r.name)
     if move is not None:
         # A drop has no reason beyond its cost, which the lead of the table states.
         text = f"{capital(move.kind.value)}: {move.text}" if move.why else move.text
