@@ -344,11 +344,10 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
             _measure_change(found, (*without(terms, k), rival), [len(terms) - 1], names)
             for k in which
             for rival in found.model.rivals(terms, k)
-            if rival.odds > 0
+            if rival.odds > 0 and not _is_repeated(found, terms, terms[k], rival)
         ]
-        competing = tuple(other for other in alternatives if not _says_same(other, change))
         course = _list_course(found, terms, which, names)
-        changes.append(replace(change, alternatives=competing, course=course))
+        changes.append(replace(change, alternatives=tuple(alternatives), course=course))
     ordered = sorted(changes, key=lambda c: -c.odds)
     return tuple(_join_steps(ordered, names[: found.later]))
 
@@ -358,13 +357,18 @@ def list_lacks(found: Differences, terms: Terms) -> tuple[str, ...]:
     return tuple(describe_term(t) for t in terms if not found.whose(t).pattern)
 
 
-def _says_same(other: Change, change: Change) -> bool:
-    """Return whether a change in all joints is sure at the place of another change alone."""
-    sure = {p.place for p in other.parts if abs(p.relative[0]) > REACH * p.relative[1]}
-    its = (other.kind, other.log, other.since)
-    of_change = (change.kind, change.log, change.since)
-    alike = its == of_change
-    return alike and sure == {change.place}
+def _is_repeated(found: Differences, terms: Terms, own: Term, rival: Term) -> bool:
+    """Return whether a rival is a change of the same kind that says no more than that of a term.
+
+    It is at the same place, or in all joints though the logs show no such change at other ones.
+    """
+    its, of_own = (found.whose(term) for term in (rival, own))
+    if (its.kind, its.pattern) != (of_own.kind, of_own.pattern):
+        return False
+    if rival.group.place != EVERYWHERE or own.group.place == EVERYWHERE:
+        return rival.group.place == own.group.place
+    (further,) = found.model.gains(terms, [rival.group])
+    return further.odds <= 0.0
 
 
 def _join_steps(changes: Sequence[Change], later: Sequence[str]) -> list[Change]:
