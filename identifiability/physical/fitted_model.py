@@ -193,7 +193,7 @@ class PhysicalSet:
         (...) bool
         """
         slack = np.asarray(phi, float) @ self.rows.T - self.least
-        inside = (slack >= -tolerance * self.bounded).all(axis=-1)
+        inside: np.ndarray = np.all(slack >= -tolerance * self.bounded, axis=-1)
         real = self.margins(phi) >= -tolerance
         return inside & real.all(axis=-1)
 

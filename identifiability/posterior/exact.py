@@ -51,7 +51,7 @@ class Cone:
 
     def contains(self, y: Array) -> np.ndarray:
         """Whether points (K, M) are inside, (K,) bool."""
-        inside = (y[:, : self.rows] >= 0).all(axis=1)
+        inside: np.ndarray = np.all(y[:, : self.rows] >= 0, axis=1)
         matrices = self._matrices(y)
         return inside & positive(matrices).all(axis=1)
 
