@@ -264,7 +264,7 @@ TORQUE = [
                 **{f"{j}.tau": 0.2 + 0.01 * rng.normal(size=len(f)) for j in joints(f)}
             )
         ),
-        ("masses disagree with the file's",),
+        ("check the torque unit",),
         "3-rps",
     ),
 ]

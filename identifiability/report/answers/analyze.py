@@ -99,7 +99,11 @@ class LadderedPresenter(PredictingPresenter):
     def asked(self) -> tuple[Answer, ...]:
         """Return the recommended model, its error, and its reliability."""
         result = self.result
-        use = after_mass(self.answer_use(), result.mass_warning)
+        use = self.answer_use()
+        behind = after_mass(use, result.mass_warning)
+        # The reservation states the cause, if nothing else is odd.
+        text = use.text if _state_wrong_mass(result) else behind.text
+        use = replace(behind, text=text)
         short = join_sentences(state_weight(result), use.short, _state_open(result))
         cause = _state_cause(result)
         use = replace(use, short=short, text=cause or use.text)
@@ -439,7 +443,7 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     if result.nothing:
         doubt = sentence("laddered.trust", "nothing", why=result.nothing)
     missing = _state_missing(result)
-    odd = [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
+    odd = [*_list_odd(result), *filter(None, [_state_wrong_mass(result)])]
     headline = first_sentence(*odd)
     notes = [n for n in result.cautions() if first_sentence(n.text) != headline]
     usual = answer_trust(notes, doubt, missing, result.warnings, _state_in_doubt(result))
@@ -448,6 +452,17 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     others = () if usual.tone == "green" else (usual.short, usual.text)
     text = join_sentences(_state_measurement(result), *others)
     return replace(usual, short=odd[0], text=text, tone="amber")
+
+
+def _list_odd(result: Laddered[Any]) -> list[str]:
+    """Return what speaks against a result, in words, before its masses."""
+    return [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
+
+
+def _state_wrong_mass(result: Laddered[Any]) -> str:
+    """Return what to check where masses disagree with the file's, if nothing else is odd."""
+    why = result.mass_warning.partition(": ")[2]
+    return "" if result.chosen.unjudged or _list_odd(result) else capital(why)
 
 
 def _state_missing(result: Laddered[Any]) -> str:

@@ -58,7 +58,7 @@ def join_sentences(*texts: str) -> str:
 
 def capital(text: str) -> str:
     """Return a text that begins with a capital letter."""
-    return text[0].upper() + text[1:]
+    return text[:1].upper() + text[1:]
 
 
 def first_sentence(*texts: str) -> str:

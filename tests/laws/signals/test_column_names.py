@@ -153,7 +153,7 @@ def test_words_and_units():
         "joint", "states", "panda", "joint", "10", "position", "2",
     ]  # fmt: skip
     known = {"N·m": 1, "[mN m]": 1e-3, "rad/s^2": 1, "(deg/s)": np.pi / 180, "rad s⁻¹": None,
-             "°": np.pi / 180, "rpm": np.pi / 30, "MNm": None, "furlong": None,
+             "°": np.pi / 180, "rpm": np.pi / 30, "turns": 2 * np.pi, "MNm": None, "furlong": None,
              "": None}  # fmt: skip
     for text, factor in known.items():
         unit = find_unit(text)
