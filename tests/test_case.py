@@ -29,7 +29,7 @@ from identifiability.regression.regression import LogPart
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows import case as cases
 
-VERBS = {"analyze": analyze, "diagnose": lambda case: diagnose(case).fit, "prune": prune}
+VERBS = {"analyze": analyze, "diagnose": diagnose, "prune": prune}
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +112,7 @@ def test_verbs_of_one_case_prepare_gather_and_group_once(two_logs, counted, firs
     robot, logs = two_logs
     case = Case(robot, logs[:1], logs[1])
     for verb in sorted(VERBS, key=lambda name: name != first):
-        VERBS[verb](case)
+        getattr(VERBS[verb](case), "fit", None)
     assert {name for name, counts in counted.items() if set(counts.values()) != {1}} == set()
 
 

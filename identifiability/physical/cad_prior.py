@@ -7,7 +7,7 @@ Bodies are those of the robot file; a body without values in the file is replace
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -55,21 +55,17 @@ class CadPrior:
 
     Adds ``weight Σ_k [log det J0_k − log det J_k + tr(J0_k⁻¹ J_k) − 4]`` to ``rss / σ²``. It does
     not depend on units or frames, and is infinite at the edge of the cone. A nominal body that is
-    flat or a rod counts as one of a little thickness, `THIN`. A rotor counts as a body that only
-    grows: logs that determine the sum of a rotor and links alone leave both near the file.
+    flat or a rod counts as one of a little thickness, `THIN`.
 
     Attributes
     ----------
     phi : (p,)
-        Nominal parameters; only those of bodies and rotors count.
+        Nominal parameters; only the inertial ones count.
     weight : float
-    rotors : (r,) int
-        Columns of rotors with nominal inertia above zero.
     """
 
     phi: Array
     weight: float = 1.0
-    rotors: np.ndarray = field(default_factory=lambda: np.empty(0, int))
 
 
 def relative_to(theta: Array, name: str) -> Array:

@@ -283,7 +283,9 @@ def scale_bodies(structure: Structure, whole: Information) -> Array:
     rows = whole.factor(1.0 / np.where(turned, whole.torque, np.inf))[:-1]
     R = rows[:, :-1] @ structure.G
     loaded = [k for k, p in enumerate(structure.parameters) if is_loaded([p])]
-    stated = _find_stated_rotors(structure)
+    parts = structure.robot.inertia_parts
+    is_rotor = [p.name.rpartition(".")[2] in parts for p in structure.parameters]
+    stated = np.flatnonzero(np.array(is_rotor) & (structure.nominal != 0))
     others = np.delete(R, [*at, *loaded, *stated], axis=1)
     alike = np.column_stack([R[:, at] @ bodies[at], others])
     of_bodies = rows[:, -1] - R[:, stated] @ structure.nominal[stated]
@@ -292,13 +294,6 @@ def scale_bodies(structure: Structure, whole: Information) -> Array:
         bodies = bodies.copy()
         bodies[at] *= factor
     return bodies
-
-
-def _find_stated_rotors(structure: Structure) -> np.ndarray:
-    """Return the columns of rotors whose inertia the robot file states, int."""
-    parts = structure.robot.inertia_parts
-    is_rotor = [p.name.rpartition(".")[2] in parts for p in structure.parameters]
-    return np.flatnonzero(np.array(is_rotor) & (structure.nominal > 0))
 
 
 def _projection(model: FittedModel, cad_weight: float) -> Projection:
@@ -316,8 +311,7 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
     for columns, name in zip(region.bodies, region.names, strict=True):
         if check_body(possible[columns], name):
             possible[columns] = 0.0
-    rotors = _find_stated_rotors(structure)
-    prior = CadPrior(bodies, cad_weight, rotors) if cad_weight and region.names else None
+    prior = CadPrior(bodies, cad_weight) if cad_weight and region.names else None
     return Projection(model.region, reference=possible, prior=prior, fixed=model.fixed)
 
 

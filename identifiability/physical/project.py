@@ -14,7 +14,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -143,9 +142,7 @@ class Projection:
 
     @cached_property
     def nominal(self) -> Array:
-        """Maps to pseudo-inertias that the prior's bodies and rotors make the identity.
-
-        They are of shape (nb + r, 16, p).
+        """Maps to pseudo-inertias that the prior's bodies make the identity, (nb, 16, p).
 
         Raises
         ------
@@ -153,27 +150,17 @@ class Projection:
             When the prior holds a body that cannot exist; it is named.
         """
         region = self.region
-        bodies = np.zeros((len(region.bodies), 16, region.size))
+        maps = np.zeros((len(region.bodies), 16, region.size))
         if self.prior is None:
-            return bodies[:0]
-        for own, name, columns in zip(bodies, region.names, region.bodies, strict=True):
+            return maps[:0]
+        for own, name, columns in zip(maps, region.names, region.bodies, strict=True):
             own[:, columns] = relative_to(self.prior.phi[columns], name) * region.scale[columns]
-        # The scale of a rotor is its nominal inertia.
-        unit = np.eye(region.size)[self.rotors]
-        rotors = np.eye(4).reshape(16, 1) * unit[:, None]
-        return np.concatenate([bodies, rotors])
-
-    @property
-    def rotors(self) -> np.ndarray:
-        """Columns of the rotors that the prior pulls, (r,) int; none that a model fixes."""
-        stated = np.empty(0, int) if self.prior is None else self.prior.rotors
-        return stated[~self.held.parameters[stated]]
+        return maps
 
     @cached_property
     def nominal_bodies(self) -> Array:
         """Scaled parameters of the bodies that `nominal` makes the identity, (nb, 10)."""
-        maps = self.nominal[: len(self.region.bodies)]
-        own = np.take_along_axis(maps, self.region.bodies[:, None, :], axis=2)
+        own = np.take_along_axis(self.nominal, self.region.bodies[:, None, :], axis=2)
         found: Array = np.linalg.pinv(own) @ np.eye(4).ravel()
         return found
 
@@ -305,14 +292,11 @@ class Projection:
     def _follow(
         self, program: Program, weights: Sequence[float], near: float = 0.0
     ) -> Iterator[Optimum]:
-        """Yield the optimum of a program under each weight, from bodies and rotors of the prior."""
+        """Yield the optimum of a program under each weight, from the nominal bodies on."""
         x = program.free.copy()
         x[self.region.bodies] = self.nominal_bodies
-        x[self.rotors] = 1.0  # in scaled parameters
         start = program.along.T @ (x - program.free)
-        rotors = len(self.region.bodies) + np.arange(len(self.rotors))
-        for found in follow(program, start, self.nominal, weights, near):
-            yield replace(found, pressure=np.delete(found.pressure, rotors))
+        return follow(program, start, self.nominal, weights, near)
 
     def _phi(self, program: Program, found: Optimum) -> Array:
         x = program.free + program.along @ found.z
@@ -331,8 +315,6 @@ class Projection:
         seen = (norms > 0) & (whole > 0)
         scale = np.where(seen, whole / np.where(seen, norms, 1.0), 1.0)
         scale = np.where(self.region.inertial, self.region.scale, scale)
-        if self.prior is not None:
-            scale[self.rotors] = self.prior.phi[self.rotors]
         pull = np.full(scale.size, np.sqrt(RIDGE))
         for own in self.region.functions:
             scale[own] = scale[own[seen[own]]].min(initial=whole or 1.0)
@@ -344,7 +326,6 @@ class Projection:
         rows = self.region.scaled_rows
         signs = np.abs(rows @ along)
         bodies = np.abs(along[self.region.bodies]).max(1, initial=0.0)
-        bodies = np.vstack([bodies, np.abs(along[self.rotors])])
         acts = [x > TINY * x.max(0, initial=0.0) for x in (np.abs(seen), signs, bodies)]
         stiff = np.zeros(along.shape[1])
         free = origin.copy()
@@ -530,10 +511,9 @@ def follow(
     ----------
     program : Program
     start : (q,)
-        At which bodies and rotors are nominal.
-    maps : (nb + r, 16, p)
-        To pseudo-inertias that the nominal bodies and rotors make the identity
-        (`Projection.nominal`).
+        At which the bodies are nominal.
+    maps : (nb, 16, p)
+        To pseudo-inertias that the nominal bodies make the identity (`Projection.nominal`).
     weights : sequence of float
         Of the prior [σ²], the heaviest first.
     near : float

@@ -107,6 +107,7 @@ def leave_bounds(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     numbers, _ = problem.unpack(end.x)
     missed = problem.missed(end.q)
     usual = {kind: np.median(numbers[kind]) for kind in ("Ia", "Fc")}
+    # A tenth of the usual rotor is hardly one.
     stuck = (missed > 2.0 * np.median(missed)) & (numbers["Ia"] < 0.1 * usual["Ia"])
     if not stuck.any():
         return end
