@@ -23,8 +23,7 @@ from .positions import explicable, forgotten
 from .rollouts import KINDS
 from .windows import Window
 
-#: Standard deviation of the logarithm of an unknown gain about its start, and of a stated rotor
-#: about the file's: a rotor of next to nothing is none.
+#: Standard deviation of the logarithm of an unknown gain about its start.
 LOOSE: Tolerance = 1.0
 
 #: Differences of numbers as shares of a joint's inertia, damping and torque. Then those of the
@@ -274,17 +273,7 @@ class RolloutProblem:
         joints = (x * self.varied)[: self.over.size]
         gains = joints[-len(self.trees) :] / LOOSE
         sizes = 2.0 * numbers["sizes"] / [*self.shares.values()]
-        rotors = self._rotor_residual(numbers["Ia"]) if self.shares else ()
-        return np.array([*sizes, *stated, *gains, *rotors])
-
-    def _rotor_residual(self, inertia: Array) -> Array:
-        """Return deviations of rotors (n,) from those that the file states, (s,) [σ]."""
-        robot = self.machine.robot
-        names = [f"{joint}.{robot.inertia_parts[0]}" for joint in robot.joints]
-        nominal = np.array([robot.nominal.get(name, 0.0) for name in names])
-        stated = nominal > 0
-        size = np.maximum(inertia[stated] / nominal[stated], VARIED)
-        return np.log(size) / LOOSE
+        return np.array([*sizes, *stated, *gains])
 
     # The derivative.
 
