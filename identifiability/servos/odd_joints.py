@@ -40,10 +40,13 @@ class Screening:
         Weighted squares that it would explain.
     start : (p,)
         Value from which its fit would start.
+    recording : (n,)
+        Errors of recorded positions (rms), by joint.
     """
 
     gain: Array
     start: Array
+    recording: Array
 
 
 class Explanation(NamedTuple):
@@ -81,22 +84,24 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
     problem, end = found.search
     # Where errors are those of recording, no more than a wrong gain can show.
     recording = np.max([recording_error(log) for log in problem.logs], axis=0)
-    errs = found.errors**2 > 2.0 * recording**2
-    erring = np.unique(problem.trees[errs])
-    screening = _screen(problem, end, found, gains_alone=not len(erring))
+    erring = np.unique(problem.trees[_exceed(found.errors, recording)])
+    screening = _screen(problem, end, found, recording, gains_alone=not len(erring))
     explained = list[list[Explanation]]()
     for tree in np.unique(problem.trees):
         explain = _explain_tree if tree in erring else _explain_little
-        best = explain(problem, end, tree, screening, found.errors)
-        if not best:
-            continue
-        explained.append(best)
-        if _kind(problem, best[0].numbers) != "play":
-            problem.varied[best[0].numbers] = True
-            end = best[0].end
+        for best in explain(problem, end, tree, screening, found.errors):
+            explained.append(best)
+            if _kind(problem, best[0].numbers) != "play":
+                end = best[0].end
     better = found if end is found.search[1] else conclude(problem, end)
     findings = [_state_odd(robot, better, best) for best in explained]
     return findings, better, any(len(best) > 1 for best in explained)
+
+
+def _exceed(errors: Array, recording: Array) -> np.ndarray:
+    """Return where errors of joints (n,) exceed those of recording, (n,) bool."""
+    exceed: np.ndarray = errors**2 > 2.0 * recording**2
+    return exceed
 
 
 def _kind(problem: RolloutProblem, numbers: np.ndarray) -> str:
@@ -122,7 +127,11 @@ def _list_trials(
 
 
 def _screen(
-    problem: RolloutProblem, end: SearchEnd, found: Rollouts, gains_alone: bool
+    problem: RolloutProblem,
+    end: SearchEnd,
+    found: Rollouts,
+    recording: Array,
+    gains_alone: bool,
 ) -> Screening:
     """Return how much each number that is not varied would explain, to first order."""
     x, q, J, _ = end
@@ -144,7 +153,7 @@ def _screen(
         if kind in ("limit", "ki"):
             start[at] = np.where(likely > gain[at], size, start[at])
         gain[at] = np.maximum(likely, gain[at])
-    return Screening(gain, start)
+    return Screening(gain, start, recording)
 
 
 def _without(basis: Array, rows: Array) -> Array:
@@ -154,28 +163,75 @@ def _without(basis: Array, rows: Array) -> Array:
 
 def _explain_tree(
     problem: RolloutProblem, end: SearchEnd, tree: int, screening: Screening, errors: Array
-) -> list[Explanation]:
-    """Return the numbers that explain the errors (n,) of a tree, best first.
+) -> Iterator[list[Explanation]]:
+    """Yield the numbers that explain the errors (n,) of each odd joint of a tree, best first.
 
-    Each leaves less than half of the squared errors, and about as little as the best one.
+    Joints follow in the order of what their likeliest number would explain. What is used is varied
+    from then on, so that faults of several joints are found one after the other.
     """
     joints = problem.trees == tree
+    squares = _sum_squares(problem, end, end)[joints].sum()
+    least = max(BEGUN, PROMISING * squares)
+    for likeliest in _list_likeliest(problem, joints, screening.gain, least):
+        at = np.unique(likeliest[0] % len(joints))
+        if not _exceed(errors, screening.recording)[at].any():
+            continue
+        kept = _explain_joints(problem, end, likeliest, screening)
+        if not kept:
+            continue
+        best = kept[0]
+        if _kind(problem, best.numbers) != "play":
+            problem.varied[best.numbers] = True
+            end = best.end
+            errors = problem.errors(end.q)
+        yield kept
+
+
+def _sum_squares(problem: RolloutProblem, weighing: SearchEnd, end: SearchEnd) -> Array:
+    """Return the weighted squares of the errors of each joint where a search ended, (n,).
+
+    Weights are those of another end, in which windows with odd errors count little.
+    """
+    errors = problem.differences(end.q)
+    weights = problem.weights(weighing.q)[: errors.size].reshape(errors.shape)
+    return np.sum((weights * errors) ** 2, axis=0)
+
+
+def _list_likeliest(
+    problem: RolloutProblem, joints: np.ndarray, gain: Array, least: float
+) -> list[list[np.ndarray]]:
+    """Return the likeliest numbers of each joint of a tree, (n,) bool, and integrals of all.
+
+    Numbers of a joint follow by the weighted squares that they would explain, which exceed the
+    least. So do joints.
+    """
+    at_ki = problem.at("ki")
+    integral = at_ki[joints & (gain[at_ki] > 0)]
+    groups = [[integral]] if len(integral) > 1 else []
+    for joint in np.flatnonzero(joints):
+        numbers = joint + len(joints) * np.arange(len(KINDS))
+        ordered = numbers[np.argsort(-gain[numbers])]
+        groups.append([*ordered[:3].reshape(-1, 1)])
+    promising = [[x for x in group if gain[x].sum() > least] for group in groups]
+    likeliest = [group for group in promising if group]
+    return sorted(likeliest, key=lambda group: -gain[group[0]].sum())
+
+
+def _explain_joints(
+    problem: RolloutProblem,
+    end: SearchEnd,
+    likeliest: Sequence[np.ndarray],
+    screening: Screening,
+) -> list[Explanation]:
+    """Return the numbers that explain the errors of their joints, best first.
+
+    Each leaves less than half of the weighted squares, and about as little as the best one.
+    """
     gain = screening.gain
-    of_tree = np.tile(joints, len(KINDS))
-    single = np.argsort(-gain[: problem.bodies.start] * of_tree)[:3]
-    integral = problem.at("ki")[joints & (gain[problem.at("ki")] > 0)]
-    singles = np.reshape(single, (-1, 1))
-    whole = [integral] if len(integral) > 1 else []
-    likeliest = [*singles, *whole]
-    likeliest.sort(key=lambda numbers: -gain[numbers].sum())
-    weighted = problem.weights(end.q) * problem.residual(end.q, end.x)
-    count = problem.rows()[-1] * len(joints)
-    rows = weighted[:count].reshape(-1, len(joints))
-    least = max(BEGUN, PROMISING * np.sum(rows[:, joints] ** 2))
+    joints = np.unique(likeliest[0] % len(problem.trees))
+    before = _sum_squares(problem, end, end)[joints].sum()
     tried = list[Explanation]()
     for numbers in likeliest:
-        if gain[numbers].sum() <= least:
-            break
         # A far less likely number is tried only where the best one explains too little.
         unlikely = gain[numbers].sum() < 0.5 * gain[likeliest[0]].sum()
         if tried and tried[0].share < 0.5 and unlikely:
@@ -183,9 +239,9 @@ def _explain_tree(
         start = end.x.copy()
         start[numbers] = screening.start[numbers]
         fitted = _fit_numbers(problem, start, numbers, BEGUN)
-        square = np.sum(problem.errors(fitted.q)[joints] ** 2)
-        share = float(square / np.sum(errors[joints] ** 2))
-        tried = sorted([*tried, Explanation(share, numbers, fitted)], key=lambda x: x.share)
+        after = _sum_squares(problem, end, fitted)[joints].sum()
+        explanation = Explanation(float(after / before), numbers, fitted)
+        tried = sorted([*tried, explanation], key=lambda x: x.share)
     # Less than half is left, and about as little as the best explanation leaves.
     kept = [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
     return [_finish_search(problem, explanation) for explanation in kept]
@@ -193,8 +249,8 @@ def _explain_tree(
 
 def _explain_little(
     problem: RolloutProblem, end: SearchEnd, tree: int, screening: Screening, errors: Array
-) -> list[Explanation]:
-    """Return the gain that explains errors (n,) of a tree that are as small as those of recording.
+) -> Iterator[list[Explanation]]:
+    """Yield the gain that explains errors (n,) of a tree that are as small as those of recording.
 
     It is surely wrong, and the gain of no other joint explains half as much.
     """
@@ -204,15 +260,16 @@ def _explain_little(
     likeliest = int(np.argmax(gain))
     others = np.delete(gain, likeliest)
     if gain[likeliest] <= max(CLEAR**2, 2.0 * others.max(initial=0.0)):
-        return []
+        return
     fitted = _fit_numbers(problem, end.x, at[[likeliest]], ENOUGH)
     weights = problem.weights(end.q)
     before = weights * problem.residual(end.q, end.x)
     after = weights * problem.residual(fitted.q, fitted.x)
     if before @ before - after @ after <= CLEAR**2:
-        return []
+        return
     ratio = np.linalg.norm(problem.errors(fitted.q)[joints]) / np.linalg.norm(errors[joints])
-    return [Explanation(float(ratio**2), at[[likeliest]], fitted)]
+    problem.varied[at[likeliest]] = True
+    yield [Explanation(float(ratio**2), at[[likeliest]], fitted)]
 
 
 def _finish_search(problem: RolloutProblem, found: Explanation) -> Explanation:

@@ -160,7 +160,10 @@ class RolloutProblem:
         return np.append(np.where(is_replaced, replaced, table), x[count:])
 
     def bounds(self, x: Array) -> Array:
-        """Return the least and largest step, (2, p): no friction or rotor is negative."""
+        """Return the least and largest step, (2, p): no friction or rotor is negative.
+
+        The response to a gain is curved, so that a step changes it by a third at most.
+        """
         unbounded = np.isin(KINDS, ("off", "kp")).repeat(len(self.trees))
         low = np.full(len(x), -np.inf)
         to_zero = -x[: len(unbounded)]
@@ -169,6 +172,9 @@ class RolloutProblem:
         low[self.delays] = -self.dt - x[self.delays]
         lower = np.minimum(low, -1e-12)
         upper = np.full(len(x), np.inf)
+        log_kp = self.at("kp")
+        lower[log_kp] = -0.3
+        upper[log_kp] = 0.3
         return np.stack([lower, upper])
 
     # Positions and their errors.
