@@ -194,7 +194,8 @@ def _sum_squares(problem: RolloutProblem, weighing: SearchEnd, end: SearchEnd) -
     """
     errors = problem.differences(end.q)
     weights = problem.weights(weighing.q)[: errors.size].reshape(errors.shape)
-    return np.sum((weights * errors) ** 2, axis=0)
+    weighted = weights * errors
+    return np.sum(weighted**2, axis=0)
 
 
 def _list_likeliest(
@@ -211,10 +212,11 @@ def _list_likeliest(
     for joint in np.flatnonzero(joints):
         numbers = joint + len(joints) * np.arange(len(KINDS))
         ordered = numbers[np.argsort(-gain[numbers])]
-        groups.append([*ordered[:3].reshape(-1, 1)])
+        likeliest = ordered[:3].reshape(-1, 1)
+        groups.append([*likeliest])
     promising = [[x for x in group if gain[x].sum() > least] for group in groups]
-    likeliest = [group for group in promising if group]
-    return sorted(likeliest, key=lambda group: -gain[group[0]].sum())
+    worth = [group for group in promising if group]
+    return sorted(worth, key=lambda group: -gain[group[0]].sum())
 
 
 def _explain_joints(
@@ -240,8 +242,9 @@ def _explain_joints(
         start[numbers] = screening.start[numbers]
         fitted = _fit_numbers(problem, start, numbers, BEGUN)
         after = _sum_squares(problem, end, fitted)[joints].sum()
-        explanation = Explanation(float(after / before), numbers, fitted)
-        tried = sorted([*tried, explanation], key=lambda x: x.share)
+        share = float(after / before)
+        tried.append(Explanation(share, numbers, fitted))
+        tried = sorted(tried, key=lambda x: x.share)
     # Less than half is left, and about as little as the best explanation leaves.
     kept = [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
     return [_finish_search(problem, explanation) for explanation in kept]
