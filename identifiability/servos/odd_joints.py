@@ -70,10 +70,10 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
     """Return findings on play, gains and limits, better rollouts, and whether two explain as well.
 
     Only that part of a number's effect counts that no fitted number explains. The three likeliest
-    numbers of each tree are fitted, one at a time; integral gains of all its joints are one. They
-    are reported if they explain more than half of the squared errors. The best one is used unless
-    it is play, which no robot file can hold. Where errors are as small as those of recording, only
-    a gain is fitted.
+    numbers of each joint are fitted, one at a time; integral gains of all joints of a tree are one.
+    They are reported if they explain more than half of the weighted squares of their joint. The
+    best one is used unless it is play, which no robot file can hold. Where errors are as small as
+    those of recording, only a gain is fitted.
 
     Parameters
     ----------
@@ -173,10 +173,12 @@ def _explain_tree(
     squares = _sum_squares(problem, end, end)[joints].sum()
     least = max(BEGUN, PROMISING * squares)
     for likeliest in _list_likeliest(problem, joints, screening.gain, least):
-        at = np.unique(likeliest[0] % len(joints))
-        if not _exceed(errors, screening.recording)[at].any():
+        own = np.unique(likeliest[0] % len(joints))
+        # A joint whose command stands has no errors, but may move the others.
+        judged = own if errors[own].any() else np.flatnonzero(joints)
+        if not _exceed(errors, screening.recording)[judged].any():
             continue
-        kept = _explain_joints(problem, end, likeliest, screening)
+        kept = _explain_joints(problem, end, likeliest, screening, judged)
         if not kept:
             continue
         best = kept[0]
@@ -224,13 +226,13 @@ def _explain_joints(
     end: SearchEnd,
     likeliest: Sequence[np.ndarray],
     screening: Screening,
+    joints: np.ndarray,
 ) -> list[Explanation]:
-    """Return the numbers that explain the errors of their joints, best first.
+    """Return the numbers that explain the errors of some joints, (k,) int, best first.
 
     Each leaves less than half of the weighted squares, and about as little as the best one.
     """
     gain = screening.gain
-    joints = np.unique(likeliest[0] % len(problem.trees))
     before = _sum_squares(problem, end, end)[joints].sum()
     tried = list[Explanation]()
     for numbers in likeliest:
