@@ -205,8 +205,8 @@ def _list_likeliest(
 ) -> list[list[np.ndarray]]:
     """Return the likeliest numbers of each joint of a tree, (n,) bool, and integrals of all.
 
-    Numbers of a joint follow by the weighted squares that they would explain, which exceed the
-    least. So do joints.
+    Numbers that would explain no more than the least weighted squares are left out. Those that
+    would explain most come first: numbers of a joint, and joints.
     """
     at_ki = problem.at("ki")
     integral = at_ki[joints & (gain[at_ki] > 0)]

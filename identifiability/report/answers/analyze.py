@@ -100,10 +100,10 @@ class LadderedPresenter(PredictingPresenter):
         """Return the recommended model, its error, and its reliability."""
         result = self.result
         use = self.answer_use()
-        behind = after_mass(use, result.mass_warning)
+        warned = after_mass(use, result.mass_warning)
         # The reservation states the cause, if nothing else is odd.
-        text = use.text if _state_wrong_mass(result) else behind.text
-        use = replace(behind, text=text)
+        text = use.text if _state_wrong_mass(result) else warned.text
+        use = replace(warned, text=text)
         short = join_sentences(state_weight(result), use.short, _state_open(result))
         cause = _state_cause(result)
         use = replace(use, short=short, text=cause or use.text)
@@ -455,12 +455,15 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
 
 
 def _list_odd(result: Laddered[Any]) -> list[str]:
-    """Return what speaks against a result, in words, before its masses."""
+    """Return the doubts about a result, apart from its masses, in sentences."""
     return [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
 
 
 def _state_wrong_mass(result: Laddered[Any]) -> str:
-    """Return what to check where masses disagree with the file's, if nothing else is odd."""
+    """Return the remedy for masses unlike the file's; empty if there is another doubt."""
+    # Where the model surely lacks an effect, this effect is the doubt.
+    if result.missing.statement:
+        return ""
     why = result.mass_warning.partition(": ")[2]
     return "" if result.chosen.unjudged or _list_odd(result) else capital(why)
 
