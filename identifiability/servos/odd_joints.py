@@ -23,7 +23,7 @@ from .rollouts import KINDS, Rollouts
 from .torque import servo_log
 
 #: Share of the squared errors that a number must explain to first order to be fitted. The fit must
-#: explain half of them. Of drawn robots, right numbers explained a tenth or more to first order.
+#: explain half of them. Of drawn robots, right numbers explained 9 % or more to first order.
 PROMISING: Tolerance = 0.05
 
 #: Shares of the time in which the torque exceeds the limits that start a fit.
