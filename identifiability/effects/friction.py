@@ -297,7 +297,7 @@ class PassiveJointFriction(AlongAxes):
 class FrictionDrift(AlongAxes):
     """``τ = (dv q̇ + dc sign(q̇)) t``: viscous and dry friction that change at a steady rate.
 
-    Grease that warms up turns thinner; t is the time of each log.
+    Grease that warms up turns thinner; t is the time since the first row of each log.
     """
 
     name = "friction_drift"
@@ -308,7 +308,7 @@ class FrictionDrift(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return both frictions, growing with time."""
-        return [at.motion.t * at.speed, at.motion.t * at.sign]
+        return [at.motion.elapsed * at.speed, at.motion.elapsed * at.sign]
 
 
 # Dry friction at reversals, where joints stick for milliseconds that no encoder resolves.

@@ -134,8 +134,8 @@ TYPICAL = 4 * DEFAULTS.period
 
 
 def duration(span: Span) -> tuple[float, ...]:
-    """Return the end of the time of the longest log [s]."""
-    lengths = (float(m.t.max(initial=0.0)) for m in span.motions)
+    """Return the duration of the longest log [s]."""
+    lengths = (float(m.elapsed.max(initial=0.0)) for m in span.motions)
     return (max(lengths, default=0.0) or TYPICAL,)
 
 
@@ -148,7 +148,7 @@ FEWEST = 3
 def time_of_session(motion: Motion) -> Array:
     """Return the time since the session began, (N,) [s]; that of the log where none is known."""
     if motion.start is None:
-        return motion.t
+        return motion.elapsed
     return motion.t + motion.start
 
 
@@ -179,7 +179,7 @@ POSITION = Coordinate(
     "q", "position", "position", attrgetter("travel"), lambda span: (span.farthest,), (3.0, 0.5)
 )
 LOAD = Coordinate("τ_load", "the load", "load", rigid_load, largest_load, (10.0, 100.0))
-TIME = Coordinate("t", "time", "time", attrgetter("motion.t"), duration, (TYPICAL,) * 2)
+TIME = Coordinate("t", "time", "time", attrgetter("motion.elapsed"), duration, (TYPICAL,) * 2)
 SESSION = Coordinate(
     "T", "the time of the session", "session", session_of, end_of_session, (TYPICAL,) * 2
 )

@@ -86,8 +86,8 @@ class TorqueDrift(TorqueOffset):
     supersedes = ("torque_offset",)
 
     def curves(self, at: Along) -> list[Array]:
-        """Return a constant and the time of the log."""
-        return [at.ones, at.motion.t]
+        """Return a constant and the time since the first row of the log."""
+        return [at.ones, at.motion.elapsed]
 
 
 # Torque that is recorded later than the motion it belongs to.

@@ -226,7 +226,7 @@ class Record:
         at = slice(None, None, step)
         q, dq, ddq = (x[at] for x in motion)
         found = complete_motion(self.robot, self.log.t[at], q, dq, ddq)
-        found = replace(found, drives_alone=self.log.drives_alone)
+        found = replace(found, first=self.log.clock.first, drives_alone=self.log.drives_alone)
         if speeds is not None:
             found = replace(found, smooth_v=speeds[at][found.kept])
         tau = self.log.tau[at][found.kept] - known_torque(self.robot, found)

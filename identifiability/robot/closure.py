@@ -375,6 +375,8 @@ class Motion:
     near_singular : (S,) int
         Samples of the log with a condition number above `singular`, and those before which the
         determinant of A_e changed its sign: a singular configuration was passed.
+    first : float [s]
+        Time of the first row of its log.
     start : float or None [s]
         Origin of its times on the clock of a session; None if logs do not share one.
     smooth_v : (N, 2, n) or None
@@ -406,6 +408,7 @@ class Motion:
     dropped: Array
     condition: float = 1.0
     near_singular: Array = np.empty(0, int)
+    first: float = 0.0
     start: float | None = None
     smooth_v: Array | None = None
     free: Array | None = None
@@ -422,6 +425,14 @@ class Motion:
         names += ("smooth_v", "free", "silent", "touch", "signs")
         found = {name: getattr(self, name) for name in names}
         return {name: rows for name, rows in found.items() if rows is not None}
+
+    @property
+    def elapsed(self) -> Array:
+        """Return the time since the first row of the log, (N,) [s].
+
+        The zero of a log's times is arbitrary: a controller may count from its last boot.
+        """
+        return self.t - self.first
 
     def expected_sign(self, speed: Array, row: Array) -> Array:
         """Return the expected sign of the speed of an axis, (N,), from −1 to 1.

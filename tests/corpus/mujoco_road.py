@@ -74,12 +74,8 @@ class MujocoRoad:
         at = [int(m.jnt_qposadr[j]) for j in self.joints]
         home = self._home()
         middle = home[at] if self.model.nkey and len(self.passive) else np.zeros(n)
-        q = middle + reach * rng.uniform(-1, 1, (count, n))
-        dq = rng.choice([-1, 1], (count, n)) * rng.uniform(0.3, 2, (count, n))
-        ddq = 5 * rng.normal(size=(count, n))
-        tau = np.array([self._torque(home, at, *row) for row in zip(q, dq, ddq, strict=True)])
         names = tuple(m.joint(j).name or f"joint {j}" for j in self.joints)
-        return States(names, q, dq, ddq, tau)
+        return draw(names, rng, count, reach, lambda *row: self._torque(home, at, *row), middle)
 
     def _home(self):
         m = self.model
@@ -169,6 +165,14 @@ class MujocoRoad:
     def _bias(self, q, v):
         """Return ``J̇ v``."""
         return _slope(lambda s: self._equalities(q, s * v)[1] @ v)
+
+
+def draw(names, rng, count, reach, torque, middle=0.0):
+    n = len(names)
+    q = middle + reach * rng.uniform(-1, 1, (count, n))
+    dq = rng.choice([-1, 1], (count, n)) * rng.uniform(0.3, 2, (count, n))
+    ddq = 5 * rng.normal(size=(count, n))
+    return States(names, q, dq, ddq, np.array(list(map(torque, q, dq, ddq))))
 
 
 def _slope(function, h=4e-3):

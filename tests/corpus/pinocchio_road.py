@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
-from mujoco_road import States
+from mujoco_road import draw
 
 
 def _with_limits(path):
@@ -71,11 +71,7 @@ class PinocchioRoad:
         n = len(self.joints)
         single = [self.map[:, k].argmax() for k in range(n)]
         reach = np.where(self.slides[single], 0.2 * spread, spread)
-        q = reach * rng.uniform(-1, 1, (count, n))
-        dq = rng.choice([-1, 1], (count, n)) * rng.uniform(0.3, 2, (count, n))
-        ddq = 5 * rng.normal(size=(count, n))
-        tau = np.array([self._torque(*row) for row in zip(q, dq, ddq, strict=True)])
-        return States(self.joints, q, dq, ddq, tau)
+        return draw(self.joints, rng, count, reach, self._torque)
 
     def _torque(self, q, dq, ddq):
         model = self.model

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Noise, Robot, diagnose
+from identifiability import Noise, Robot, analyze, diagnose
 from identifiability.simulation import Campaign, random_trajectory
 
 NAME = "function_of_session_time"
@@ -59,3 +59,16 @@ def test_where_logs_share_no_clock_the_session_is_not_asked_for(logs_of, told):
     d = named(without, quick=True)
     assert NAME not in {x.name for x in d.evidence}
     assert all("session" not in x.explained for x in d.discrepancies)
+
+
+def test_the_zero_of_time_changes_no_answer(logs_of):
+    drifting = logs_of("two-link", "friction_drift@elbow=0.3")
+    early = [replace(log, start=None) for log in drifting]
+    late = [replace(log, t=log.t + 1e5) for log in early]
+    answers = []
+    for logs in (early, late):
+        d = diagnose("two-link", logs, effects=["friction_drift"], forward=False)
+        found = d.effects[0].placements[0]
+        fit = analyze("two-link", logs, quick=True).rows_by_name()
+        answers.append([d.held_after, found.peak, *found.values, *(row.estimate for row in fit)])
+    assert answers[1] == pytest.approx(answers[0], rel=1e-3)

@@ -695,7 +695,8 @@ def prepare_log(
                 rate=rate,
             )
         )
-    return replace(found, notes=tuple(notes))
+    motion = replace(found.motion, first=log.clock.first)
+    return replace(found, motion=motion, notes=tuple(notes))
 
 
 def _join(parts: Iterator[Dataset]) -> Dataset:
@@ -764,6 +765,6 @@ def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
     new = complete_motion(robot, old.t, *actuated)
     if len(new) < len(old):
         raise ClosureError(f"Loops of {given.name} do not close there.")
-    new = replace(new, kept=old.kept, dropped=old.dropped, start=old.start)
+    new = replace(new, kept=old.kept, dropped=old.dropped, first=old.first, start=old.start)
     new = replace(new, drives_alone=old.drives_alone)
     return replace(given, motion=new, weight=given.weight[:, np.abs(by).argmax(1)])

@@ -64,7 +64,8 @@ def prepare_excerpt(
     samples = thin(prepare_log(robot, joined, how), most)
     # Gaps between windows are no gaps of the log.
     hints = make_plan(robot, log, how).hints
-    return replace(samples, hints=(*hints, _tell_windows(log, windows)))
+    motion = replace(samples.motion, first=log.clock.first)
+    return replace(samples, motion=motion, hints=(*hints, _tell_windows(log, windows)))
 
 
 def share_motion(log: Log, length: int, most: int) -> list[tuple[int, int]]:

@@ -836,7 +836,7 @@ def _stays(log: np.ndarray) -> np.ndarray:
 def _session(rows: ResidualRows, begins: np.ndarray, log: np.ndarray) -> Array:
     """Return time courses of warm-up through a session, by part of time, (2, P)."""
     lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
-    starts = rows.seen.t[begins[:-1]]
+    starts = rows.elapsed[begins[:-1]]
     elapsed = np.cumsum(lasting) - lasting
     clock = starts + elapsed[log]
     x = (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9)

@@ -362,11 +362,17 @@ class ResidualRows:
         q, dq, ddq = np.split(np.concatenate(parts), 3, axis=1)
         return q, dq, ddq
 
+    @cached_property
+    def elapsed(self) -> Array:
+        """Time since the first row of each log, (N,) [s]."""
+        first = np.array([s.motion.first for s in self.samples])
+        return self.seen.t - first[self.seen.log]
+
     def along(self, j: int) -> dict[str, Array]:
         """Return variables that the residual of joint j may depend on, each (N,)."""
         q, dq, ddq = (x[:, j] for x in self.states)
         out = {"velocity": dq, "position": q, "acceleration": ddq, "load": self.measured[:, j]}
-        out |= {"time": self.seen.t, "log": self.seen.log}
+        out |= {"time": self.elapsed, "log": self.seen.log}
         starts = [s.motion.start or 0.0 for s in self.samples]
         if has_session([s.motion for s in self.samples]):
             out["session"] = self.seen.t + np.array(starts)[self.seen.log]
