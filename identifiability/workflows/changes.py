@@ -25,6 +25,7 @@ from identifiability.estimation.mixed_model import (
     without,
 )
 from identifiability.estimation.rules import RULES
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.rounding import REACH
@@ -448,13 +449,13 @@ def _measure_change(
         spread = covariance[np.ix_(at[some], at[some])]
         own = columns[some]
         felt = FeltTorque.of(found, own, sizes, spread)
-        share = _share_of(levels[own], found.missing.scale[own], sizes, spread)
+        share = _share_of(found, own, levels[own], sizes, spread)
         if (
             first.kind == "friction"
             and np.isfinite(share[0])
             and len(set(owners[some].tolist())) == 1
         ):
-            friction = _rms_friction(found, terms, value, own, levels[own], felt.joint)
+            friction = _rms_friction(found, terms, value, own, levels, felt.joint)
             share = np.nan, np.nan
             if friction:  # the joint had some friction before
                 share = felt.rms / friction, felt.sd / friction
@@ -499,7 +500,8 @@ def _rms_friction(
 ) -> float:
     """Return the rms friction of a joint before a change, along the logs with the change.
 
-    A function of velocity that the model lacks there is friction as well.
+    A joint may share its friction with a motor that moves it, and the motion may hardly tell the
+    two apart. A function of velocity that the model lacks there is friction as well.
 
     Parameters
     ----------
@@ -507,15 +509,19 @@ def _rms_friction(
     terms : tuple of Term
     value : (c,)
         Of the fixed columns and of the terms.
-    columns, levels : (q,)
+    columns : (q,) int
         Of the friction that changed.
+    levels : (C,)
+        Of all friction before.
     joint : str
         That feels it.
     """
     seen = found.missing.seen
     j = seen.robot.joints.index(joint)
     first = found.columns[int(columns[0])][0]
-    numbers = list(zip(columns.tolist(), levels.tolist(), strict=True))
+    alike = {(first.pattern, found.columns[k][0].family.name) for k in columns.tolist()}
+    every = [k for k, (c, *_) in enumerate(found.columns) if (c.pattern, c.family.name) in alike]
+    numbers = [(k, float(levels[k])) for k in every]
     for k, term in enumerate(terms):
         if found.whose(term).family.name == VELOCITY:
             at = rows_of(found.model, terms, k)
@@ -571,21 +577,35 @@ def _list_drifting_gains(found: Differences, terms: Terms, load: Term) -> Terms:
     )
 
 
-def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[float, float]:
+def _share_of(
+    found: Differences, columns: np.ndarray, levels: Array, sizes: Array, spread: Array
+) -> tuple[float, float]:
     """Return the change as a share of the torque before, and its standard error.
 
-    NaN where the torque before is not known.
+    It is the factor that best turns the torque before into the torque of the change. So two
+    numbers that the motion hardly tells apart count by the torque of their sum. NaN where the
+    torque before is not known.
 
     Parameters
     ----------
-    level, rms : (q,)
-        Numbers before the change, and the torque that each makes at 1.
-    sizes, spread : (q,), (q, q)
-        Changes of these numbers, and their covariance.
+    found : Differences
+    columns : (q,) int
+        Of the change.
+    levels, sizes : (q,), (q,)
+        Numbers before the change, and their changes.
+    spread : (q, q)
+        Covariance of the changes.
     """
-    if not (np.abs(level) > 0).all():
+    if not (np.abs(levels) > 0).all():
         return np.nan, np.nan
-    slope = rms * np.sign(level) / (np.abs(level) @ rms)
+    norms = found.missing.seen.torque_norm
+    slope = np.zeros(len(columns))
+    for j in np.flatnonzero(norms > 0).tolist():
+        none = np.zeros(len(found.missing.seen.y))
+        parts = [found.missing.entries.get((j, k), none) for k in columns.tolist()]
+        torque = np.stack(parts, axis=1) / norms[j]
+        slope += (torque @ levels) @ torque
+    slope = slope / max(slope @ levels, TINY)
     return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
 
 

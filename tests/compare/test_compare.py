@@ -196,6 +196,8 @@ def test_wear_that_stays_and_warm_up_that_returns_are_told_apart():
     (change,) = compare(PLANAR, sessions[0], sessions[1:]).changes
     assert (change.within, change.place) == (True, "elbow")
     assert change.sizes[0] + 1.2 * dry == pytest.approx(0, abs=3 * change.sd[0])
+    (rises,) = compare(PLANAR, *(logs(PLANAR, s, extra=-warm)[s] for s in (0, 1))).changes
+    assert "or an effect that the model lacks in a part of the motion" in rises.called
     worn = [logs(PLANAR, s, elbow=1.4)[s % 2] for s in (5, 6)]
     found = compare(PLANAR, logs(PLANAR, 0)[0], [logs(PLANAR, 1)[1], *worn])
     (change,) = (c for c in found.changes if c.place == "elbow")
@@ -232,3 +234,13 @@ def test_friction_of_passive_joints_is_no_change():
     passive = {f"{joint}.Fc": 0.3 for joint in own.robot.passive}
     rubs = joint_torque(own.robot, own.move, own.rigid, passive)
     assert not compare(name, logs(name, 8, extra=rubs)[0], logs(name, 9, extra=rubs)[1]).changes
+
+
+def test_a_motor_and_its_joint_share_the_change_that_their_sum_shows(tmp_path):
+    beside = tmp_path / "coupled.toml"
+    beside.write_text('[transmission]\nmotors = ["a", "b"]\ncoupling = [[1, 0], [0.03, 1]]\n')
+    spring = 6 * np.sin(campaign(PLANAR).move.q) * [0, 1]  # the model lacks it, and b.Fv < 0
+    after = logs(PLANAR, 30, extra=spring, shoulder=0.6, elbow=0.6)[1]
+    found = compare(Robot.load(PLANAR, beside), logs(PLANAR, 0, extra=spring)[0], after)
+    share, sd = found.changes[0].share, found.changes[0].share_sd
+    assert abs(share + 0.4) < 3 * sd < 1.5 * abs(share)

@@ -105,11 +105,12 @@ class ComparisonPresenter(AnsweringPresenter):
         return [command("fit_now", now), *self._diagnose()]
 
     def _diagnose(self) -> list[Command]:
-        """Return the line that names the effects that the model lacks, if it lacks any."""
+        """Return the line that names the effects that the model lacks, if it may lack any."""
         result = self.result
         logs = name_logs(result.robot, result.before, how=result.preparation)
         line = f"diagnose {self.robot} {logs} --out model.toml --report missing.html"
-        return [command("missing", line)] if result.lacks else []
+        lacks = result.lacks or any(map(rises_within, result.changes))
+        return [command("missing", line)] if lacks else []
 
     def _fit_line(self, paths: Sequence[str]) -> str:
         """Return the line that fits logs; the last of several is held out."""
@@ -193,6 +194,8 @@ class ChangePresenter(Presenter):
 def state_alternatives(change: Change) -> list[str]:
     """Return the competing explanations of a change, with their sizes and probability."""
     texts = list(change.others)
+    if rises_within(change):
+        texts.append(sentence("comparison.seen", "part"))
     for other in change.alternatives:
         if other.kind == "missing":
             by = measured(abs(other.felt.rms), other.felt.sd, other.felt.unit)
@@ -205,6 +208,11 @@ def state_alternatives(change: Change) -> list[str]:
             )
         )
     return list(dict.fromkeys(texts))
+
+
+def rises_within(change: Change) -> bool:
+    """Return whether friction rises within every log: joints that warm up have less."""
+    return change.within and change.relative[0] > 0
 
 
 def _state_change(change: Change) -> str:
@@ -380,7 +388,7 @@ def _find_cause(change: Change, result: Comparison) -> str:
     """Return the key of the probable cause of a change of friction."""
     size, sd = change.relative
     if change.within:
-        return "warm" if size < 0 else "rises"
+        return "rises" if rises_within(change) else "warm"
     falls = [c.relative[0] for c in result.changes if c.within and c.place == change.place]
     if falls and abs(size) - REACH * sd <= abs(falls[0]):
         return "perhaps"
