@@ -190,8 +190,10 @@ def write_effects() -> tuple[str, dict[str, str]]:
         if family.needs:
             out.append(f"- Refines `{family.needs}`, which must be in the model at the same place")
         if family.shapes is not None:
+            how = "continuously" if family.continuous else "on a grid"
             out.append(
-                "- Its shape is searched" + (" continuously" if family.continuous else " on a grid")
+                f"- `diagnose` searches its shape {how}; without a stated shape a model has a "
+                "usual one"
             )
         if family.told_by:
             out.append(f"- How to separate it from similar effects: {family.told_by}")

@@ -85,9 +85,9 @@ class ModelEntry(BaseModel):
         {"slider1.v1": 2.5},
     )
     refuted: list[str] = key(
-        "Effects that `diagnose` left out, because held-out motion contradicts them.",
+        "Effects that `diagnose` left out there, because held-out motion contradicts them.",
         [],
-        ["hysteresis"],
+        ["hysteresis@slider1"],
     )
 
 

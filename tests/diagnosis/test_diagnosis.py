@@ -61,7 +61,7 @@ def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_
     (refuted,) = d.refuted
     assert (refuted.name, refuted.place) == ("position_ripple", "left_shoulder")
     assert refuted.before > 1 > refuted.unseen
-    assert d.to_ladder().models[0].refuted == ["position_ripple"]
+    assert d.to_ladder().models[0].refuted == ["position_ripple@left_shoulder"]
     assert d.model.names == d.base
     assert d.held_after == d.held_before
     assert "No missing effect was found" in d.details

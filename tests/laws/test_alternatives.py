@@ -73,9 +73,9 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     short = answer_first(found).answers[2].short
     assert short.startswith(f"Not yet: the model lacks {name} (probability ")
     assert short in found.statement
-    left = LadderEntry(models=[ModelEntry(name="diagnosed", refuted=["stribeck_friction"])])
+    left = LadderEntry(models=[ModelEntry(name="diagnosed", refuted=["stribeck_friction@elbow"])])
     refuted = replace(found, source=replace(found.source, entry=left))
-    assert "`diagnose` left Stribeck friction out" in refuted.statement
+    assert "`diagnose` left out Stribeck friction in elbow" in refuted.statement
     assert "diagnose(" in found.next()[0][1]
     assert found.to_dict()["missing_functions"][0]["joint"] == "elbow"
     few = {"replicates": 20, "refits": 40}

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from identifiability.effects import title_of
 from identifiability.effects.base import apply_tilt
 from identifiability.estimation.combinations import find_combinations
+from identifiability.estimation.groups import describe_term
 from identifiability.estimation.prediction import Prediction, change_interval, loaded_joints
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
@@ -472,12 +472,14 @@ def _state_missing(result: Laddered[Any]) -> str:
     """Return the effects that the model lacks, and those that `diagnose` could not confirm."""
     missing = result.missing.statement
     models = result.source.entry.models if result.source else []
-    lacking = {t.group.family for t in result.missing.named}
-    refuted = [name for m in models for name in m.refuted if name in lacking]
+    left_out = {text for m in models for text in m.refuted}
+    groups = [(t.group.family, f"{t.group.family}@{t.group.place}") for t in result.missing.named]
+    refuted = [k for k, texts in enumerate(groups) if left_out.intersection(texts)]
     if not (missing and refuted):
         return missing
-    names = [title_of(name) for name in refuted]
-    holes = {"names": names, "count": names, "motion": advise_motion(refuted)}
+    names = [describe_term(result.missing.named[k]) for k in refuted]
+    families = [groups[k][0] for k in refuted]
+    holes = {"names": names, "count": names, "motion": advise_motion(families)}
     return sentence("trust", "refuted", missing=missing, **holes)
 
 

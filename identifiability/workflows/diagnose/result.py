@@ -453,7 +453,9 @@ class Diagnosis(Result, Predicts):
             replace(self.used.reduction, name="the diagnosed model"), self.completed
         )
         effects = [*list_asked_effects(self.completed)]
-        refuted = [*dict.fromkeys(x.name for x in self.refuted)]
+        axes = [axis.name for axis in self.robot.axes]
+        texts = (f"{x.name}@{x.place}" if x.place in axes else x.name for x in self.refuted)
+        refuted = [*dict.fromkeys(texts)]
         update = {"effects": effects, "refuted": refuted}
         return LadderEntry(models=[entry.model_copy(update=update)])
 
