@@ -609,14 +609,16 @@ class MissingEffects:
     def statement(self) -> str:
         """The effect with the largest torque that the model lacks, as the start of a sentence.
 
-        It is reported from odds of 20 to 1 on, by fitted and unseen rows together.
+        It is reported from odds of 20 to 1 on, by fitted and unseen rows together. Its probability
+        is by the fitted rows, and unseen rows may only lower it: the errors of a model are alike in
+        both, and would count twice.
         """
-        odds = {describe_term(t): t.odds + t.unseen for t in self.ordered}
-        sure = {name: x for name, x in odds.items() if x >= RULES.name + RULES.keep}
+        sure = [t for t in self.ordered if t.odds + t.unseen >= RULES.name + RULES.keep]
         if not sure:
             return ""
-        first = next(iter(sure))
-        largest = f"{first} ({state_probability(sure[first])})"
+        first = sure[0]
+        probability = state_probability(first.odds + min(first.unseen, 0.0))
+        largest = f"{describe_term(first)} ({probability})"
         if len(sure) == 1:
             return f"the model lacks {largest}"
         return f"the model lacks {len(sure)} effects, the largest is {largest}"

@@ -82,6 +82,7 @@ def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
             "joint": place_of(t),
             "of": title_of(t.group.family),
             "log_odds": t.odds,
+            "log_odds_unseen": t.unseen,
         }
         for t in found.ordered
     ]
