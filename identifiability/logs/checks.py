@@ -24,8 +24,11 @@ COMMANDS = ("q_ref", "dq_ref", "tau_ff")
 #: Position and torque of each motor, beside those of its joint: both sides of a gear.
 MOTOR = ("q_m", "tau_m")
 
+#: Motion of each joint: position, velocity, acceleration.
+MOTIONS = ("q", "dq", "ddq")
+
 #: Channels of a log for each joint.
-CHANNELS = ("q", "dq", "ddq", "tau", *COMMANDS, *MOTOR)
+CHANNELS = (*MOTIONS, "tau", *COMMANDS, *MOTOR)
 
 
 class Numbers:

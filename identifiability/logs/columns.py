@@ -24,7 +24,7 @@ from identifiability.foundation.names import TIME_UNITS, Array, Strings, find_pa
 from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
 
-from .checks import CHANNELS, COMMANDS, MOTOR, to_floats
+from .checks import CHANNELS, COMMANDS, MOTIONS, MOTOR, to_floats
 from .codes import Code, describe_codes, find_codes, show_codes
 from .conventions import Conventions
 from .names import (
@@ -166,9 +166,17 @@ def name_columns(
     _require_motors(taken, wanted, known, source)
     if not wanted and torque:
         wanted = _all_there({*taken, *_unmeasured(names, taken, known)}, known, needed)
+    moved = () if wanted else _list_moved(taken, known)
+    wanted = known.motors if moved else wanted
     if not wanted:
         _refuse_missing(names, taken, source, known)
-    own = [g for n, g in taken.items() if n == "t" or (g.joint in wanted and g.kind in CHANNELS)]
+    own = [
+        g
+        for n, g in taken.items()
+        if n == "t"
+        or (g.joint in wanted and g.kind in CHANNELS and not (moved and g.kind in MOTIONS))
+        or (g.joint in moved and g.kind in MOTIONS)
+    ]
     held = [g for g in taken.values() if g.joint in known.locked and g.kind == "q"]
     stated = {c.name: _find_stated(c, units) for c in own + held}
     counted = {c.joint for c in own if c.kind == "q" and stated[c.name] is None}
@@ -179,8 +187,9 @@ def name_columns(
     notes = (
         *renamed,
         *timed,
-        *_tell_angles(wanted, known),
+        *_tell_angles((*moved, *wanted), known),
         *torque_notes,
+        *([phrase("reading", "moved", motors=wanted)] if moved else ()),
         *([phrase("reading", "currents", columns=idle)] if idle else ()),
     )
     locked = tuple(_in_si(c, stated[c.name], source, known) for c in held)
@@ -290,6 +299,13 @@ def _all_there(names: Collection[str], known: Conventions, needed: Sequence[str]
         if wanted and {"t", *(f"{j}.{kind}" for j in wanted for kind in needed)} <= {*names}:
             return wanted
     return ()
+
+
+def _list_moved(taken: Collection[str], known: Conventions) -> Strings:
+    """Return the joints whose positions give those of coupled motors, which have the torque."""
+    torque = {"t", *(f"{m}.tau" for m in known.motors)}
+    positions = {f"{j}.q" for j in known.joints}
+    return known.joints if known.motors and torque | positions <= {*taken} else ()
 
 
 def _choose(

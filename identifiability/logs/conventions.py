@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from identifiability.foundation.names import Renames, Strings
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
-from identifiability.robot.description import Coupling
+from identifiability.robot.description import Coupling, Transmission
 from identifiability.robot.floating import Base
 from identifiability.robot.servo import Servo
 from identifiability.robot.sidecar import MeasuredTorque
@@ -26,8 +26,8 @@ class Conventions:
     ----------
     joints : tuple of str
         Actuated joints in the robot's order; other joints need no columns.
-    motors : tuple of str
-        Motors that a log may have instead (coupled transmissions).
+    gear : Transmission or None
+        Coupled motors that a log may have instead.
     columns : Renames
         Rules from columns or joints of a log to those of the robot: ``[columns]`` and ``--map``.
     scales : mapping
@@ -57,7 +57,7 @@ class Conventions:
     """
 
     joints: Strings = ()
-    motors: Strings = ()
+    gear: Transmission | None = None
     columns: Renames = Renames()
     scales: Mapping[str, tuple[float, float]] = {}
     time_unit: str = ""
@@ -71,6 +71,11 @@ class Conventions:
     passive: Strings = ()
     codes: Mapping[str, Code] = {}
     lengths: Mapping[str, Coupling] = {}
+
+    @property
+    def motors(self) -> Strings:
+        """Motors that a log may have instead of joints (coupled transmissions)."""
+        return self.gear.motors if self.gear else ()
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
@@ -89,7 +94,7 @@ class Conventions:
         }
         return Conventions(
             joints=joints,  # of a body alone no column is about it
-            motors=motors,
+            gear=gear,
             columns=robot.columns,
             scales=robot.scales,
             time_unit=robot.time_unit,

@@ -21,7 +21,7 @@ from identifiability.robot.floating import BASE_JOINTS
 
 from . import signals
 from .base import find_base
-from .checks import CHANNELS, MOTOR, Clock, Numbers, to_floats
+from .checks import CHANNELS, MOTIONS, MOTOR, Clock, Numbers, to_floats
 from .columns import (
     DEGREE,
     Naming,
@@ -261,6 +261,7 @@ class TableReader:
             columns[c.name] = (
                 numbers.add(as_times(given, c)) if c.name == "t" else c.scale(numbers.add(given))
             )
+        columns |= move_motors(columns, self.known)
         return out | stack_channels(self.naming.joints, columns)
 
     def _hold_commands(self, frame: pd.DataFrame) -> pd.DataFrame:
@@ -392,6 +393,21 @@ def add_lengths(frame: pd.DataFrame, known: Conventions) -> pd.DataFrame:
             length += Polynomial(powers)(unit * to_floats(frame[sources[joint]]))
         more[f"{tendon}.q"] = length / unit
     return frame.assign(**more) if more else frame
+
+
+def move_motors(columns: Mapping[str, Array], known: Conventions) -> dict[str, Array]:
+    """Return the motion of coupled motors by that of the joints, if columns hold only this."""
+    gear = known.gear
+    found = dict[str, Array]()
+    for kind in MOTIONS:
+        of_joints = [f"{j}.{kind}" for j in known.joints]
+        of_motors = [f"{m}.{kind}" for m in known.motors]
+        if gear is None or columns.keys() >= {*of_motors} or not columns.keys() >= {*of_joints}:
+            continue
+        zero = gear.offset if kind == "q" else 0.0
+        moved = gear.motor_rate(np.stack([columns[c] for c in of_joints], axis=1) - zero)
+        found |= zip(of_motors, moved.T, strict=True)
+    return found
 
 
 def stack_channels(joints: Sequence[str], columns: Mapping[str, Array]) -> dict[str, Array]:

@@ -115,6 +115,15 @@ class Transmission:
         R = self.ratio[:, None] * self.coupling
         return np.linalg.lstsq(R, rate.T, rcond=None)[0].T
 
+    def motor_rate(self, rate: Array) -> Array:
+        """Return motor velocities or accelerations (N, m) from those of joints (N, n).
+
+        A joint without a value leaves those motors open that move it.
+        """
+        moved = [np.flatnonzero(row) for row in self.coupling]
+        rows = zip(self.ratio, self.coupling, moved, strict=True)
+        return np.stack([ratio * (rate[:, at] @ row[at]) for ratio, row, at in rows], axis=1)
+
 
 @frozen
 class Link:

@@ -217,7 +217,10 @@ class _CouplingEntry(Strict):
 class _TransmissionEntry(Strict):
     """Motors that are coupled. Motor i = ratio i × (row i of coupling · (q − offset)).
 
-    A differential has the rows [1, 1] and [1, -1].
+    A differential has the rows [1, 1] and [1, -1]. Logs have columns of the motors, of the joints,
+    or positions of the joints and torque of the motors. A motor that moves several joints has
+    friction and rotor inertia of its own, beside those of its joints. Where the logs cannot
+    separate them, a model file leaves one of both out: ``zero = ["j3.Fv", "j3.Fc", "j3.Ia"]``.
     """
 
     motors: Names = key("Their names, also more than there are joints.")
