@@ -88,7 +88,7 @@ class ComparisonPresenter(AnsweringPresenter):
         if not result.changes:
             export = export_line(result.robot, "analyze.json")
             fit = self._fit_line((*result.before, *result.after))
-            return [command("export", f"{fit} && identifiability {export}"), *self._diagnose()]
+            return [*self._diagnose(), command("export", f"{fit} && identifiability {export}")]
         loads = [x for c in result.changes for x in (c, *c.alternatives) if x.kind == "load"]
         bodies = [x.place for x in loads if x.place in result.robot.bodies]
         if bodies:
