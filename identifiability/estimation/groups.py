@@ -16,9 +16,8 @@ from itertools import chain, pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
-from identifiability.effects import Family, find_families, title_of
-from identifiability.effects.friction import REVERSALS, ReversalFriction, RisingFriction
-from identifiability.effects.measurement import CommandDelay, TorqueScale
+from identifiability.effects import Family, title_of
+from identifiability.effects.friction import REVERSALS, ReversalFriction
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
@@ -44,11 +43,10 @@ from identifiability.regression.columns import (
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import LogPart, Regression, choose_windows
-from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
 from .estimator import Estimate
-from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, whitened_information, without
+from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, whitened_information
 from .noise import HIGHEST_ORDER, ARNoise, JointNoise, JointRuns, Runs, rich_noise, split_runs
 from .rules import RULES
 
@@ -594,20 +592,12 @@ class MissingEffects:
 
     @property
     def ordered(self) -> Terms:
-        """The named groups, that with the largest torque at a joint first."""
-        of_named = self.shares[: len(self.named)]
-        return tuple(s.term for s in sorted(of_named, key=self._torque, reverse=True))
-
-    def _torque(self, share: Share) -> float:
-        """Return the size of a group's torque at the joint that feels it most, times √rows."""
-        columns = [share.columns, *(j.random for j in self.rows)]
-        value = np.zeros(1 + max(int(x.max(initial=0)) for x in columns))
-        value[share.columns] = share.value
-        return max(float(np.linalg.norm(j.Z @ value[j.random])) for j in self.rows)
+        """The named groups, that which explains most first."""
+        return tuple(sorted(self.named, key=lambda term: -term.odds))
 
     @property
     def statement(self) -> str:
-        """The effect with the largest torque that the model lacks, as the start of a sentence.
+        """The effect that explains most, and that the model lacks, as the start of a sentence.
 
         It is reported from odds of 20 to 1 on, by fitted and unseen rows together. Its probability
         is by the fitted rows, and unseen rows may only lower it: the errors of a model are alike in
@@ -618,10 +608,10 @@ class MissingEffects:
             return ""
         first = sure[0]
         probability = state_probability(first.odds + min(first.unseen, 0.0))
-        largest = f"{describe_term(first)} ({probability})"
+        most = f"{describe_term(first)} ({probability})"
         if len(sure) == 1:
-            return f"the model lacks {largest}"
-        return f"the model lacks {len(sure)} effects, the largest is {largest}"
+            return f"the model lacks {most}"
+        return f"the model lacks {len(sure)} effects, above all {most}"
 
     def of_labels(
         self, submodel: Submodel, fit: Estimate, prior: Array | None = None
@@ -696,142 +686,3 @@ class LabelAlternatives:
 
 
 NO_MISSING_EFFECTS = MissingEffects((), ())
-
-
-#: Share of the only log that may refute names, and share of either part that is omitted at the
-#: division, because noise has a memory.
-LAST: Tolerance = 0.25
-PAUSE: Tolerance = 0.05
-
-
-def divide(rows: int) -> tuple[int, int]:
-    """Return the end of the fitted part of the only log, and the start of the held-out part."""
-    end = (1 - LAST) * rows
-    start = int((1 - PAUSE) * end)
-    stop = np.ceil(end + PAUSE * (rows - end))
-    return start, int(stop)
-
-
-def find_missing(
-    structure: Structure,
-    regression: Regression,
-    unseen: Regression | None = None,
-    *,
-    commanded: bool = False,
-    irregular: bool = False,
-) -> MissingEffects:
-    """Return the effects that a model with all columns of a regression may lack.
-
-    Rows that were held out may only take a name away: these are the last log, or the last part of
-    the only one, if no other rows were held out. Where commands were lost (`irregular`), no delay
-    of a joint is looked for: a lost command that is not detected acts like one.
-    """
-    every = find_families(None, commanded=commanded)
-    families = [f for f in every if not (irregular and f.name == CommandDelay.name)]
-    missing = Missing.of(regression, families, structure.present)
-    if commanded or structure.robot.base is not None:
-        missing = missing.between_reversals()
-    if not len(missing.seen.y) or not missing.groups:
-        return NO_MISSING_EFFECTS
-    model, terms = _search(missing)
-    if any(t.group.family == RisingFriction.name for t in terms):
-        missing = missing.between_reversals()  # it may be that no record tells when friction turns
-        model, terms = _search(missing)
-    if terms and unseen is not None:
-        terms = model.confirm(terms, missing.products(Excerpt.of(unseen), among=terms))
-    elif terms:
-        log = missing.seen.log
-        count = len(log)
-        first = int(np.argmax(log == log[-1]))
-        edges = [0, first, count] if first else [0, *divide(count), count]
-        blocks = missing.products(missing.seen, edges, among=terms)
-        early = replace(model, products=blocks.take(np.array([0])))
-        terms = early.confirm(terms, blocks.take(np.array([-1])))
-        # These rows are among the fitted ones already.
-        terms = tuple(replace(t, unseen=0.0) for t in terms)
-    placed = tuple(_find_places(missing, model, terms, k) for k in range(len(terms)))
-    return _conclude(missing, model, placed)
-
-
-def _find_places(missing: Missing, model: MixedModel, terms: Terms, k: int) -> Term:
-    """Return a term with its places, where only some of its places show it.
-
-    One joint with much of an effect can carry a family everywhere. So each place needs log odds
-    that name it, given all other places and terms.
-    """
-    term = terms[k]
-    name = term.group.family
-    if term.group.place != EVERYWHERE:
-        return term
-    places = [place for family, place in missing.sets if family == name and place != EVERYWHERE]
-    each = []
-    for place in places:
-        possible = [c.columns for some in missing.sets[name, place] for c in some]
-        columns = np.intersect1d(term.columns, np.concatenate(possible) + missing.fixed)
-        group = replace(term.group, place=place, members=(columns,), price=0.0)
-        each.append(replace(term, group=group, member=0))
-    others = without(terms, k)
-    apart = model.update_terms((*others, *each))[len(others) :]
-    sure = tuple(t.group.place for t in apart if t.odds >= RULES.name + RULES.keep)
-    return term if len(sure) == len(places) else replace(term, places=sure)
-
-
-def _search(missing: Missing) -> tuple[MixedModel, Terms]:
-    """Return the mixed model of missing effects, and the terms that it finds.
-
-    A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
-    would widen every label. So it is a candidate only if a function of the load was found.
-    """
-    every = missing.model()
-    usual = tuple(g for g in every.groups if g.family != TorqueScale.name)
-    model = replace(every, groups=usual)
-    terms = model.search()
-    load = any(t.group.family == "function_of_load" for t in terms)
-    return (every, every.search()) if load else (model, terms)
-
-
-#: Families by which friction of a joint may be nonlinear without a name.
-NONLINEAR_FRICTION = (
-    "function_of_velocity",
-    "function_of_load",
-    "load_dependent_friction",
-    "quadratic_friction",
-)
-
-
-def _share_of(
-    model: MixedModel,
-    used: np.ndarray,
-    term: Term,
-    weight: float,
-    own: float,
-    terms: Terms,
-) -> Share:
-    """Return the contribution of one of some terms; columns are among those that are used."""
-    s = model.solve(terms)
-    unit = model.scale[term.columns]
-    at = np.isin(s.columns, term.columns)
-    columns = np.searchsorted(used, term.columns)
-    value = s.value[at] / unit
-    root = s.root[:, at] / unit
-    return Share(term, weight, own, columns, value, root)
-
-
-def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> MissingEffects:
-    groups = [(t, 1.0, 1.0, terms) for t in terms]
-    alternatives = model.alternatives(terms, NONLINEAR_FRICTION)
-    groups += [(t, weight, own, (*terms, t)) for t, weight, own in alternatives]
-    columns_each = (t.columns for t, *_ in groups)
-    used = np.unique(np.concatenate([np.empty(0, int), *columns_each]))
-    shares = [_share_of(model, used, *group) for group in groups]
-    rows = []
-    for j, X in enumerate(missing.seen.X.swapaxes(0, 1)):
-        columns = np.flatnonzero(X.any(0))
-        at = (used - missing.fixed).tolist()
-        random = [k for k, column in enumerate(at) if (j, column) in missing.entries]
-        Z = [missing.entries[j, at[k]] for k in random]
-        R = triangular_factor(np.column_stack([X[:, columns], *Z]))
-        width = len(columns)
-        rows.append(JointRows(columns, R[:, :width], np.array(random, int), R[:, width:]))
-    alone = tuple(t.odds for (t,) in (model.gains((), [t.group]) for t in terms))
-    return MissingEffects(terms, tuple(shares), tuple(rows), missing.noise, alone)

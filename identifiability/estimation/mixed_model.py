@@ -472,8 +472,9 @@ class MixedModel:
 
     def update_terms(self, terms: Terms) -> Terms:
         """Return terms with the member, size and odds that each has given the others."""
-        for k in range(len(terms)):
-            (again,) = self.gains(without(terms, k), [terms[k].group])
+        for k, term in enumerate(terms):
+            (again,) = self.gains(without(terms, k), [term.group])
+            again = replace(again, unseen=term.unseen, places=term.places)
             terms = (*terms[:k], again, *terms[k + 1 :])
         return terms
 

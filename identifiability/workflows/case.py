@@ -28,9 +28,10 @@ from identifiability.effects.measurement import TorqueScale
 from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import MissingEffects, Share, describe_term, find_missing
+from identifiability.estimation.groups import MissingEffects, Share, describe_term
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.motion import MotionChoice, choose_motion, read_records
+from identifiability.estimation.search import find_missing
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.options import OptionError
@@ -168,6 +169,8 @@ class Data(OfStructure):
         Whether a reading or a check explains all contradictions of physics.
     misread : str
         Reason, after "because", why there are no verdicts; empty if there are.
+    lacked : MissingEffects or None
+        Effects that the model lacked before it got some of them.
     """
 
     structure: Structure
@@ -180,6 +183,7 @@ class Data(OfStructure):
     reading: Reading | None = None
     explained: bool = False
     misread: str = ""
+    lacked: MissingEffects | None = None
 
     @property
     def question(self) -> Reading | None:
@@ -214,6 +218,7 @@ class Data(OfStructure):
             self.unseen,
             commanded=commanded,
             irregular=irregular,
+            known=self.lacked,
         )
 
     @cached_property
@@ -264,7 +269,8 @@ class WeightedRows:
             return self.data.missing
         samples = leave_out_rows(self.data.samples, light)
         regression = self.data.structure.regression(samples)
-        return replace(self.data, samples=samples, regression=regression).missing
+        without = replace(self.data, samples=samples, regression=regression, lacked=None)
+        return without.missing
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -1021,7 +1027,8 @@ def complete_model(data: Data, shares: Sequence[Share]) -> Data:
     hints = (*data.hints, *said)
     structure = Structure.of(data.robot, model)
     regression = structure.regression(data.samples)
-    return replace(data, structure=structure, regression=regression, hints=hints)
+    new = {"structure": structure, "regression": regression, "hints": hints}
+    return replace(data, **new, lacked=data.missing)
 
 
 def apply_to_structure(reading: Reading, structure: Structure) -> Structure:

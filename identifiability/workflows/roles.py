@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.estimation.groups import LAST, divide
+from identifiability.estimation.search import LAST, divide
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import PART
 from identifiability.foundation.rounding import format_count, join

@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal, norm
 from identifiability import Log, Robot, prepare_log, simulate
 from identifiability.effects import find_families
 from identifiability.effects.friction import REVERSALS
-from identifiability.estimation.groups import Missing, find_missing, with_reversals
+from identifiability.estimation.groups import Missing, with_reversals
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     SIZES,
@@ -22,6 +22,7 @@ from identifiability.estimation.mixed_model import (
     whitened_information,
 )
 from identifiability.estimation.noise import JointNoise, JointRuns, split_runs, whiten
+from identifiability.estimation.search import find_missing
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion, shipped_trajectory

@@ -17,27 +17,27 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp, softmax
 
-from identifiability.effects import Family, Placed, find_families
 from identifiability.effects import Part as EffectPart
-from identifiability.effects.friction import REVERSALS, PassiveJointFriction, RisingFriction
-from identifiability.effects.transmission import Hysteresis
+from identifiability.effects import Placed, find_families
+from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Evidence
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.estimation.mixed_model import (
-    EVERYWHERE,
-    Group,
-    MixedModel,
-    Term,
-    Terms,
-    without,
-)
+from identifiability.estimation.mixed_model import MixedModel, Term, Terms
 from identifiability.estimation.noise import split_runs
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.linalg import ROUNDOFF, scan_columns
+from identifiability.estimation.search import (
+    Judged,
+    Search,
+    find_candidates,
+    further_gains,
+    list_alternatives,
+    name_terms,
+)
+from identifiability.foundation.linalg import scan_columns
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -109,10 +109,8 @@ class Naming:
     fitted, unseen : ResidualRows
         Errors are stated on the unseen rows. Without any, they are the fitted rows.
     refusals : tuple of Refusal
-    asked : Missing
-        All that may be missing,
-    whole : MixedModel
-        and the model of that.
+    search : Search
+        For all that may be missing.
     missing : Missing
         The parts alone, after friction at reversals, given the model and its noise.
     before, after : tuple of Term
@@ -130,8 +128,7 @@ class Naming:
     fitted: ResidualRows
     unseen: ResidualRows
     refusals: tuple[Refusal, ...]
-    asked: Missing
-    whole: MixedModel
+    search: Search
     missing: Missing
     before: Terms
     after: Terms
@@ -315,7 +312,7 @@ def without_parts(naming: Naming, gone: Collection[int]) -> Naming:
     placed = [(p, replace(p.term.group, place=p.candidate.place)) for p in last]
     more = [(replace(p.term, group=group), p.left_out) for p, group in placed]
     terms = tuple(dict.fromkeys(p.term for p in first))
-    after = _further_gains(naming, naming.whole.update_terms(terms))
+    after = further_gains(naming.search, naming.search.model.update_terms(terms))
     possible = (*naming.possible, *more)
     return with_parts(replace(naming, after=after, possible=possible), first)
 
@@ -340,16 +337,15 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=problem.fixed)
     candidates = with_reversals(s.robot, listed, s.present)
     missing = Missing(candidates, fitted.seen, known.root, families=frozenset(asked))
-    model = missing.model()
-    before = tuple(model.gains())
+    search = Search(missing, unseen.seen if others else None)
+    before = tuple(search.model.gains())
     refusals = tuple(r for r in refused if r.family in asked)
     found = Naming(
         problem=problem,
         fitted=fitted,
         unseen=unseen,
         refusals=refusals,
-        asked=missing,
-        whole=model,
+        search=search,
         missing=missing,
         before=before,
         after=before,
@@ -357,377 +353,38 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     return with_parts(found, ())
 
 
-@frozen
-class Judged:
-    """Terms that unseen rows and left-out blocks confirm.
-
-    Attributes
-    ----------
-    naming : Naming
-        With the refuted and the possible terms.
-    terms : tuple of Term
-    unseen : dict of (str, str) to float [nat]
-        Gains on unseen rows, by the keys of terms.
-    places : Places
-    """
-
-    naming: Naming
-    terms: Terms
-    unseen: dict[tuple[str, str], float]
-    places: Places
-
-    @property
-    def keys(self) -> set[tuple[str, str]]:
-        """Family and place of each term."""
-        return {t.key for t in self.terms}
-
-
 def name_missing(looked: Naming) -> Naming:
-    """Return the missing effects, found on fitted rows and not refuted by unseen rows.
-
-    Left-out blocks of the fitted rows decide in which joints each confirmed effect acts. Once other
-    terms are removed, a name may be far less probable than an alternative. The alternative replaces
-    it if the same rows confirm the alternative, and it gains at least as much on unseen rows. A
-    name that is in the end still far less probable than one that was not tried is no name.
-    """
-    looked, found = _search(looked)
-    judged, gone = _judge(looked, found), set[tuple[str, str]]()
-    for _ in found:
-        better = _exchange_improbable(judged, gone)
-        if not better:
-            break
-        new = {t.key for t in better} - judged.keys
-        other = _judge(judged.naming, better)
-        if new <= other.keys and _gains_as_much(other, judged):
-            judged = other
-        gone |= new
-    improbable = {k for k, _ in _find_improbable(judged, gone)}
-    if improbable:
-        rest = tuple(t for k, t in enumerate(judged.terms) if k not in improbable)
-        judged = _judge(judged.naming, judged.naming.whole.update_terms(rest))
-    looked, kept = judged.naming, judged.terms
-    parts = list[Part]()
-    for k in range(len(kept)):
-        parts += _write_term(judged, k, gone)
+    """Return the missing effects, found on fitted rows and not refuted by unseen rows."""
+    judged = name_terms(looked.search)
+    search = judged.search
+    parts = [p for k in range(len(judged.terms)) for p in _write_term(judged, k)]
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
-    return with_parts(replace(looked, after=_further_gains(looked, kept)), parts)
+    named = replace(
+        looked,
+        search=search,
+        missing=search.missing,
+        after=further_gains(search, judged.terms),
+        refuted=judged.refuted,
+        possible=judged.possible,
+    )
+    return with_parts(named, parts)
 
 
-def _judge(looked: Naming, found: Terms) -> Judged:
-    """Return the terms that unseen rows and left-out blocks confirm."""
-    kept, gains = found, dict[tuple[str, str], float]()
-    if looked.problem.validation and kept:
-        kept, gains = _confirm(looked, found)
-    places, possible = _ask_left_out(looked, kept) if kept else ({}, ())
-    standing = {t.key for t in kept}
-    news = ((t, gains[t.key]) for t in found if t.key not in standing)
-    refuted = tuple(x for x in (*looked.refuted, *news) if x[0].key not in standing)
-    kept = looked.whole.update_terms(tuple(t for t in kept if places[t.key]))
-    return Judged(replace(looked, refuted=refuted, possible=possible), kept, gains, places)
-
-
-def _gains_as_much(one: Judged, other: Judged) -> bool:
-    """Whether names of one alone gain at least as much on unseen rows as those of the other."""
-    own = sum(one.unseen.get(key, 0.0) for key in one.keys - other.keys)
-    others = sum(other.unseen.get(key, 0.0) for key in other.keys - one.keys)
-    return own >= others
-
-
-def _exchange_improbable(judged: Judged, gone: Collection[tuple[str, str]]) -> Terms:
-    """Return terms with the likeliest alternative of an improbable one; none if there is none."""
-    for k, other in _find_improbable(judged, gone):
-        exchanged = (*judged.terms[:k], other, *judged.terms[k + 1 :])
-        return judged.naming.whole.update_terms(exchanged)
-    return ()
-
-
-def _find_improbable(
-    judged: Judged, gone: Collection[tuple[str, str]]
-) -> Iterator[tuple[int, Term]]:
-    """Yield the number of each term that is far less probable than another name, and that name."""
-    for k in range(len(judged.terms)):
-        odds, others = _list_alternatives(judged, k, gone)
-        if others and others[0].odds > odds + RULES.rival:
-            yield k, others[0]
-
-
-def _list_alternatives(
-    judged: Judged, k: int, gone: Collection[tuple[str, str]]
-) -> tuple[float, Terms]:
-    """Return the log odds of a term, and other names for it, the likeliest first.
-
-    Names that were tried in place of a term are gone.
-    """
-    looked, term, rest = judged.naming, judged.terms[k], without(judged.terms, k)
-    odds = max(term.odds, _odds_of_parts(looked, rest, term.group))
-    others = (t for t in looked.whole.gains(rest) if t.key not in gone)
-    return odds, tuple(t for t in others if _may_rival(t.group, term.group))
-
-
-def _further_gains(looked: Naming, terms: Terms) -> Terms:
-    """Return the log odds of groups that are neither among some terms nor parts of them."""
-    contained = {part.key for t in terms for part in _parts_of(looked, t.group)}
-    return tuple(t for t in looked.whole.gains(terms) if t.key not in contained)
-
-
-#: Families that a joint which sticks at reversals may imitate.
-LATE_FRICTION = (RisingFriction.name, Hysteresis.name)
-
-
-def _search(looked: Naming) -> tuple[Naming, Terms]:
-    """Return the missing effects on fitted rows, and the naming with their noise and rows.
-
-    Friction that rises with speed, or with the way after a reversal, may be friction that changes
-    sign at an unrecorded time. It is then searched between reversals only.
-    """
-    kept = _search_terms(looked)
-    if any(t.group.family in LATE_FRICTION for t in kept):
-        looked = _with_missing(looked, looked.asked.between_reversals())
-        kept = _search_terms(looked)
-    named = [t for t in kept if not _family(looked.asked, t).unnamed]
-    if named:  # their torque is no noise
-        looked = _with_missing(looked, looked.asked.beside(named))
-        kept = _search_terms(looked)
-    return looked, kept
-
-
-def _search_terms(looked: Naming) -> Terms:
-    """Return the missing effects; one search adds families everywhere, one does not.
-
-    A flexible family everywhere may replace different effects of several joints. The search would
-    not find its way back, so the evidence of both searches decides. Some joints of one family are
-    no other effects: those that keep its name are chosen later.
-    """
-    model = looked.whole
-    found = _join_terms(looked, model.search())
-    if all(t.group.place != EVERYWHERE for t in found):
-        return found
-    places = tuple(g for g in model.groups if g.place != EVERYWHERE)
-    single = _join_terms(looked, replace(model, groups=places).search())
-    if _families_of(single) <= _families_of(found):
-        return found
-    return max(found, single, key=model.total_odds)
-
-
-def _join_terms(looked: Naming, terms: Terms) -> Terms:
-    """Return terms with one effect where a place has all effects of which it consists.
-
-    A spring with an unknown rest is joint stiffness and torque offset.
-    """
-    for group in looked.whole.groups:
-        parts = {part.key for part in _parts_of(looked, group)}
-        if parts and parts <= {t.key for t in terms}:
-            first = min(k for k, t in enumerate(terms) if t.key in parts)
-            rest = tuple(t for t in terms[first:] if t.key not in parts)
-            joined = (*terms[:first], Term(group, 0, 1.0, 0.0), *rest)
-            terms = looked.whole.update_terms(joined)
-    return terms
-
-
-def _parts_of(looked: Naming, group: Group) -> list[Group]:
-    """Return the groups of several effects of which a group consists; none if it has no parts."""
-    names = _family(looked.asked, group).effect.supersedes
-    parts = [g for g in looked.whole.groups if g.place == group.place and g.family in names]
-    return parts if len(parts) > 1 else []
-
-
-def _odds_of_parts(looked: Naming, rest: Terms, group: Group) -> float:
-    """Return the log odds of a group given the rest, by its parts; minus infinity without parts.
-
-    Far from its rest a spring's two columns are nearly the same, and a prior of both together
-    would hold the spring back. Its parts are one effect, and pay one price.
-    """
-    odds = -group.price
-    parts = _parts_of(looked, group)
-    for part in parts:
-        (term,) = looked.whole.gains(rest, [part])
-        odds += term.odds + part.price
-        rest = (*rest, term)
-    return odds if parts else -np.inf
-
-
-def _families_of(terms: Terms) -> set[str]:
-    """Return the families of missing effects."""
-    return {t.group.family for t in terms}
-
-
-def _with_missing(looked: Naming, missing: Missing) -> Naming:
-    """Return a naming that searches effects along other rows, or with another noise model."""
-    return replace(looked, asked=missing, whole=missing.model(), missing=missing)
-
-
-#: Places of terms by their keys, each with its gain on left-out blocks [nat].
-Places = dict[tuple[str, str], dict[str, float]]
-#: Terms, each with a gain [nat].
-Gains = tuple[tuple[Term, float], ...]
-
-
-def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
-    """Return places where terms surely gain on left-out blocks, and terms that may gain.
-
-    A family everywhere is one term for each place. Each term also needs its own log odds, which use
-    the signs that physics allows. Each round removes the worst term of each place and family.
-
-    Friction of several passive joints keeps all its places: values at some of them would take the
-    friction of the others. Its further places have no gain (nan).
-    """
-    rows = looked.asked.seen
-    blocks = looked.asked.products(rows, _block_edges(rows), among=found)
-    owners, terms = _split_places(looked, found)
-    every = list(zip(owners, terms, strict=True))
-    possible, gains = list[tuple[Term, float]](), np.empty(0)
-    while terms:
-        gains, needed = _gains_left_out(looked.whole, terms, blocks)
-        odds = np.array([t.odds for t in looked.whole.update_terms(terms)])
-        lacking = np.minimum(gains - needed, odds - RULES.name)
-        gone = _choose_leaving(lacking, owners, terms)
-        if not gone:
-            break
-        possible += [(terms[k], float(gains[k])) for k in gone if gains[k] > 0]
-        stays = [k for k in range(len(terms)) if k not in gone]
-        owners, terms = [owners[k] for k in stays], tuple(terms[k] for k in stays)
-    places: Places = {t.key: {} for t in found}
-    for owner, term, gain in zip(owners, terms, gains.tolist(), strict=False):
-        places[owner][term.group.place] = gain
-    together = PassiveJointFriction.name, EVERYWHERE
-    if len(places.get(together, ())) > 1:
-        joined = [t for owner, t in every if owner == together]
-        places[together] = {t.group.place: np.nan for t in joined} | places[together]
-        possible = [
-            (t, gain) for t, gain in possible if t.group.family != PassiveJointFriction.name
-        ]
-    return places, tuple(possible)
-
-
-def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
-    """Return the terms removed in a round: at most one of a place and of a family, the worst.
-
-    One scale of the torque is redundant given all others, but all scales together are not.
-    """
-    gone = list[int]()
-    for k in np.argsort(lacking).tolist():
-        families = {owners[g] for g in gone}
-        places = {terms[g].group.place for g in gone}
-        alone = owners[k] not in families and terms[k].group.place not in places
-        if lacking[k] < 0 and alone:
-            gone.append(k)
-    return gone
-
-
-def _split_places(looked: Naming, found: Terms) -> tuple[list[tuple[str, str]], Terms]:
-    """Return terms of one place each, and the keys of the terms whose parts they are."""
-    owners, terms = list[tuple[str, str]](), list[Term]()
-    for k, term in enumerate(found):
-        candidates = _candidates(looked.asked, looked.whole, found, k)
-        price = float(np.log(len(candidates)))  # the family has paid its price
-        for c in candidates:
-            columns = np.array(c.columns) + looked.asked.fixed
-            group = replace(term.group, place=c.place, members=(columns,), price=price)
-            owners.append(term.key)
-            terms.append(replace(term, group=group, member=0))
-    return owners, tuple(terms)
-
-
-def _block_edges(rows: Excerpt) -> list[int]:
-    """Return rows at which blocks of the logs begin, and the end of the last."""
-    logs = np.unique(rows.log)
-    each = -(-LEVELS.folds // len(logs))
-    edges = [0]
-    for log in logs:
-        at = np.flatnonzero(rows.log == log)
-        cuts = np.linspace(at[0], at[-1] + 1, each + 1)
-        edges += cuts.astype(int).tolist()[1:]
-    return edges
-
-
-def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tuple[Array, Array]:
-    """Return the gain of each term on left-out blocks, and the gain that it needs, (t,) [nat].
-
-    A law is an approximation. The likeliest term of a joint may leave an error that other terms
-    fit. Each other term must therefore gain a share of their joint gain. The likeliest may be a
-    family everywhere.
-    """
-    here = dict[str, list[int]]()
-    for k, term in enumerate(terms):
-        here.setdefault(term.group.place, []).append(k)
-    crowded = [some for some in here.values() if len(some) > 1]
-    singles = ([k] for k in range(len(terms)))
-    found = model.left_out(terms, blocks, [*singles, *crowded])
-    gains, together = found[: len(terms)], found[len(terms) :]
-    needed = np.full(len(terms), RULES.keep)
-    for some, gain in zip(crowded, together.tolist(), strict=True):
-        likeliest = max(some, key=lambda k: terms[k].odds)
-        others = [k for k in some if k != likeliest]
-        needed[others] = max(RULES.keep, RULES.law_error * gain)
-    return gains, needed
-
-
-def _confirm(looked: Naming, found: Terms) -> tuple[Terms, dict[tuple[str, str], float]]:
-    """Return the terms that unseen rows do not refute, and the gains of all terms there, by key."""
-    model, gains = looked.whole, dict[tuple[str, str], float]()
-    products = looked.asked.products(looked.unseen.seen, among=found)
-    kept = model.confirm(found, products)
-    for terms in (found, kept):
-        news = zip(terms, model.news(terms, products), strict=True)
-        gains |= {t.key: gain for t, gain in news}
-    return kept, gains
-
-
-def _write_term(judged: Judged, k: int, gone: Collection[tuple[str, str]]) -> Iterator[Part]:
-    """Yield the parts of one of the terms that are missing.
-
-    Parameters
-    ----------
-    judged : Judged
-    k : int
-    gone : collection of (str, str)
-        Names that were tried in place of a term.
-    """
-    looked, term = judged.naming, judged.terms[k]
+def _write_term(judged: Judged, k: int) -> Iterator[Part]:
+    """Yield the parts of one of the terms that are missing."""
+    search, term = judged.search, judged.terms[k]
     places = judged.places[term.key]
-    odds, others = _list_alternatives(judged, k, gone)
+    odds, others = list_alternatives(judged, k)
     unnamed = term.group.unnamed
     named = [t for t in others if not t.group.unnamed]
     rivals = [t for t in (others if unnamed else named) if t.odds > odds - RULES.rival]
     nearest = [t for t in named if unnamed and t.group.place == term.group.place]
     weight = float(softmax([odds, *(t.odds for t in others)])[0])
-    for c in _candidates(looked.asked, looked.whole, judged.terms, k):
+    for c in find_candidates(search, judged.terms, k):
         if c.place in places:
             gains = places[c.place], judged.unseen.get(term.key, np.nan)
             yield Part(c, term, *gains, tuple(rivals), weight, tuple(nearest[:3]))
-
-
-def _may_rival(one: Group, other: Group) -> bool:
-    """Whether groups compete; a family at a place does not compete with itself everywhere."""
-    places = {one.place, other.place}
-    return one.family != other.family or (len(places) > 1 and EVERYWHERE not in places)
-
-
-def _family(missing: Missing, what: Term | Group) -> Family:
-    return missing.sets[what.key][0][0].family
-
-
-def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> list[Candidate]:
-    """Return the candidates of a term in a model, one for each place."""
-    term, rest = terms[k], terms[:k] + terms[k + 1 :]
-    sets = missing.sets[term.key]
-    chosen = sets[min(term.member, len(sets) - 1)]
-    if sets[0][0].family.continuous:
-        chosen = _refined(model, rest, term.group, sets)
-    elif term.member == len(sets):
-        chosen = [c for some in sets for c in some]
-    places: dict[str, list[Candidate]] = {}
-    for c in chosen:
-        places.setdefault(c.place, []).append(c)
-    return [_merge_kinds(own) for own in places.values()]
-
-
-def _merge_kinds(own: Sequence[Candidate]) -> Candidate:
-    """Return the candidates of one place as one."""
-    kinds = tuple(kind for c in own for kind in c.kinds)
-    columns = tuple(k for c in own for k in c.columns)
-    return replace(own[0], kinds=kinds, columns=columns)
 
 
 def _values_of(model: MixedModel, terms: Terms, k: int) -> tuple[Array, Array]:
@@ -748,35 +405,6 @@ def with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
     own = zip(parts, numbered[len(always) :], strict=True)
     renumbered = tuple(replace(p, candidate=c) for p, c in own)
     return replace(naming, missing=missing, parts=renumbered)
-
-
-def _refined(
-    model: MixedModel, rest: Terms, group: Group, sets: Sequence[Sequence[Candidate]]
-) -> list[Candidate]:
-    """Return a continuous family at its places, with the likeliest shape between those of its grid.
-
-    A parabola through the likeliest grid shape and its two neighbours has its maximum there.
-    """
-    odds = _odds_of_each(model, rest, group, group.members[: len(sets)])
-    at = where = int(odds.argmax())
-    if 0 < at < len(odds) - 1:
-        before, here, after = odds[at - 1 : at + 2]
-        where = at + 0.5 * (after - before) / max(2 * here - before - after, ROUNDOFF)
-    out = []
-    for c in sets[at]:
-        grid = np.log([x.shape for some in sets for x in some if x.place == c.place])
-        shape = float(np.exp(np.interp(where, np.arange(len(grid)), grid)))
-        out.append(replace(c, shape=shape, effect=c.family.at(shape, c.place)))
-    return out
-
-
-def _odds_of_each(
-    model: MixedModel, rest: Terms, group: Group, members: Sequence[np.ndarray]
-) -> Array:
-    """Return the log odds of members of a group by themselves, (m,)."""
-    each = [replace(group, members=(at,)) for at in members]
-    found = {id(t.group): t.odds for t in model.gains(rest, each)}
-    return np.array([found[id(g)] for g in each])
 
 
 # Changes during a log: a mass that was gripped, a brake that dragged for seconds.

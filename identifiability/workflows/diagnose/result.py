@@ -237,7 +237,7 @@ class Diagnosis(Result, Predicts):
     problem : Problem
         The diagnosed model and its logs.
     effects : tuple of NamedEffect
-        The one of most torque is first; empty when nothing can be named.
+        The one that explains most is first; empty when nothing can be named.
     curves : tuple of Curve
         One for each named effect and place.
     gap : Prediction

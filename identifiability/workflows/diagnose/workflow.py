@@ -24,6 +24,7 @@ from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES
+from identifiability.estimation.search import Gains
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import phrase
@@ -72,7 +73,6 @@ from identifiability.workflows.sides import report_loads
 
 from .elastic import ask_bending
 from .naming import (
-    Gains,
     Naming,
     find_change_in_log,
     judge_all_rows,
@@ -841,14 +841,11 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
 
 
 def _place_families(naming: Naming) -> list[dict[int, Placement]]:
-    """Return the placements of each named family by their part, the family of most torque first.
-
-    Of families with equal torque the surest is the first, as it was found.
-    """
+    """Return the placements of each named family by their part, that which explains most first."""
     families = defaultdict[str, dict[int, Placement]](dict)
     for k, part in enumerate(naming.parts):
         families[part.candidate.family.name][k] = _place(naming, k)
-    return sorted(families.values(), key=lambda own: -max(p.rms for p in own.values()))
+    return sorted(families.values(), key=lambda own: -max(p.odds for p in own.values()))
 
 
 def _list_effects(

@@ -1,0 +1,573 @@
+"""`Search`: effects that a robot model may lack, searched, judged and named; every verb uses it.
+
+Groups of all families at all places, and everywhere, are searched on fitted rows; unseen rows may
+only remove them. Left-out blocks of the fitted rows decide at which places each effect acts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from identifiability.effects import Family, find_families
+from identifiability.effects.friction import PassiveJointFriction, RisingFriction
+from identifiability.effects.measurement import CommandDelay, TorqueScale
+from identifiability.effects.transmission import Hysteresis
+from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.regression.columns import Candidate
+from identifiability.regression.information import Information
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
+
+from .evidence import LEVELS
+from .groups import NO_MISSING_EFFECTS, Excerpt, JointRows, Missing, MissingEffects, Share
+from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, without
+from .rules import RULES
+
+#: Places of terms by their keys, each with its gain on left-out blocks [nat].
+Places = dict[tuple[str, str], dict[str, float]]
+#: Terms, each with a gain [nat].
+Gains = tuple[tuple[Term, float], ...]
+
+
+@frozen
+class Search:
+    """Candidates along fitted rows, and rows that may refute them.
+
+    Attributes
+    ----------
+    missing : Missing
+        Candidates and fitted rows.
+    unseen : Excerpt or None
+        Without any, the last fitted log (or the last part of the only one) refutes names.
+    """
+
+    missing: Missing
+    unseen: Excerpt | None = None
+
+    @cached_property
+    def model(self) -> MixedModel:
+        """The mixed model of all candidates."""
+        return self.missing.model()
+
+
+@frozen
+class Judged:
+    """Terms that unseen rows and left-out blocks confirm.
+
+    Attributes
+    ----------
+    search : Search
+    terms : tuple of Term
+    unseen : dict of (str, str) to float [nat]
+        Gains on unseen rows, by the keys of terms.
+    places : Places
+    refuted : Gains
+        Terms that fitted rows named and unseen rows refuted, with their gains there [nat].
+    possible : Gains
+        Possible terms that are not named, with their gains on left-out blocks [nat].
+    tried : set of (str, str)
+        Names that were tried in place of a term.
+    """
+
+    search: Search
+    terms: Terms
+    unseen: dict[tuple[str, str], float]
+    places: Places
+    refuted: Gains = ()
+    possible: Gains = ()
+    tried: frozenset[tuple[str, str]] = frozenset()
+
+    @property
+    def keys(self) -> set[tuple[str, str]]:
+        """Family and place of each term."""
+        return {t.key for t in self.terms}
+
+
+def name_terms(search: Search) -> Judged:
+    """Return the missing effects, found on fitted rows and not refuted by unseen rows.
+
+    Left-out blocks of the fitted rows decide in which joints each confirmed effect acts. Once other
+    terms are removed, a name may be far less probable than an alternative. The alternative replaces
+    it if the same rows confirm the alternative, and it gains at least as much on unseen rows. A
+    name that is in the end still far less probable than one that was not tried is no name.
+    """
+    search, found = _find_terms(search)
+    judged = _judge(search, found)
+    for _ in found:
+        better = _exchange_improbable(judged)
+        if not better:
+            break
+        new = {t.key for t in better} - judged.keys
+        other = _judge(search, better, judged.refuted)
+        if not (new <= other.keys and _gains_as_much(other, judged)):
+            other = judged
+        judged = replace(other, tried=judged.tried | new)
+    improbable = {k for k, _ in _find_improbable(judged)}
+    if not improbable:
+        return judged
+    rest = tuple(t for k, t in enumerate(judged.terms) if k not in improbable)
+    last = _judge(search, search.model.update_terms(rest), judged.refuted)
+    return replace(last, tried=judged.tried)
+
+
+def _judge(search: Search, found: Terms, refuted: Gains = ()) -> Judged:
+    """Return the terms that unseen rows and left-out blocks confirm.
+
+    `refuted` are those of earlier judgements.
+    """
+    kept, gains = _confirm(search, found)
+    places, possible = _ask_left_out(search, kept) if kept else ({}, ())
+    standing = {t.key for t in kept}
+    news = ((t, gains[t.key]) for t in found if t.key not in standing)
+    refuted = tuple(x for x in (*refuted, *news) if x[0].key not in standing)
+    kept = search.model.update_terms(tuple(t for t in kept if places[t.key]))
+    if search.unseen is None:  # these rows are among the fitted ones already
+        kept, gains = tuple(replace(t, unseen=0.0) for t in kept), {}
+    return Judged(search, kept, gains, places, refuted, possible)
+
+
+def _confirm(search: Search, found: Terms) -> tuple[Terms, dict[tuple[str, str], float]]:
+    """Return the terms that unseen rows do not refute, and the gains of all terms there, by key."""
+    if not found:
+        return (), {}
+    model, missing = search.model, search.missing
+    if search.unseen is not None:
+        products = missing.products(search.unseen, among=found)
+    else:
+        log, count = missing.seen.log, len(missing.seen.log)
+        first = int(np.argmax(log == log[-1]))
+        edges = [0, first, count] if first else [0, *divide(count), count]
+        blocks = missing.products(missing.seen, edges, among=found)
+        model = replace(model, products=blocks.take(np.array([0])))
+        products = blocks.take(np.array([-1]))
+    kept = model.confirm(found, products)
+    news = {t.key: gain for t, gain in zip(found, model.news(found, products), strict=True)}
+    return kept, news | {t.key: t.unseen for t in kept}
+
+
+def _gains_as_much(one: Judged, other: Judged) -> bool:
+    """Whether names of one alone gain at least as much on unseen rows as those of the other."""
+    own = sum(one.unseen.get(key, 0.0) for key in one.keys - other.keys)
+    others = sum(other.unseen.get(key, 0.0) for key in other.keys - one.keys)
+    return own >= others
+
+
+def _exchange_improbable(judged: Judged) -> Terms:
+    """Return terms with the likeliest alternative of an improbable one; none if there is none."""
+    for k, other in _find_improbable(judged):
+        exchanged = (*judged.terms[:k], other, *judged.terms[k + 1 :])
+        return judged.search.model.update_terms(exchanged)
+    return ()
+
+
+def _find_improbable(judged: Judged) -> Iterator[tuple[int, Term]]:
+    """Yield the number of each term that is far less probable than another name, and that name."""
+    for k in range(len(judged.terms)):
+        odds, others = list_alternatives(judged, k)
+        if others and others[0].odds > odds + RULES.rival:
+            yield k, others[0]
+
+
+def list_alternatives(judged: Judged, k: int) -> tuple[float, Terms]:
+    """Return the log odds of a term, and other names for it, the likeliest first.
+
+    Names that were tried in place of a term are left out.
+    """
+    search, term, rest = judged.search, judged.terms[k], without(judged.terms, k)
+    odds = max(term.odds, _odds_of_parts(search, rest, term.group))
+    others = (t for t in search.model.gains(rest) if t.key not in judged.tried)
+    return odds, tuple(t for t in others if _may_rival(t.group, term.group))
+
+
+def further_gains(search: Search, terms: Terms) -> Terms:
+    """Return the log odds of groups that are neither among some terms nor parts of them."""
+    contained = {part.key for t in terms for part in _parts_of(search, t.group)}
+    return tuple(t for t in search.model.gains(terms) if t.key not in contained)
+
+
+#: Families that a joint which sticks at reversals may imitate.
+LATE_FRICTION = (RisingFriction.name, Hysteresis.name)
+
+
+def _find_terms(search: Search) -> tuple[Search, Terms]:
+    """Return the missing effects on fitted rows, and the search with their noise and rows.
+
+    Friction that rises with speed, or with the way after a reversal, may be friction that changes
+    sign at an unrecorded time. It is then searched between reversals only.
+    """
+    kept = _search_terms(search)
+    if any(t.group.family in LATE_FRICTION for t in kept):
+        search = replace(search, missing=search.missing.between_reversals())
+        kept = _search_terms(search)
+    named = [t for t in kept if not _family(search.missing, t).unnamed]
+    if named:  # their torque is no noise
+        search = replace(search, missing=search.missing.beside(named))
+        kept = _search_terms(search)
+    return search, kept
+
+
+def _search_terms(search: Search) -> Terms:
+    """Return the missing effects; one search adds families everywhere, one does not.
+
+    A flexible family everywhere may replace different effects of several joints. The search would
+    not find its way back, so the evidence of both searches decides. Some joints of one family are
+    no other effects: those that keep its name are chosen later.
+    """
+    model = search.model
+    found = _join_terms(search, model.search())
+    if all(t.group.place != EVERYWHERE for t in found):
+        return found
+    places = tuple(g for g in model.groups if g.place != EVERYWHERE)
+    single = _join_terms(search, replace(model, groups=places).search())
+    if _families_of(single) <= _families_of(found):
+        return found
+    return max(found, single, key=model.total_odds)
+
+
+def _join_terms(search: Search, terms: Terms) -> Terms:
+    """Return terms with one effect where a place has all effects of which it consists.
+
+    A spring with an unknown rest is joint stiffness and torque offset.
+    """
+    for group in search.model.groups:
+        parts = {part.key for part in _parts_of(search, group)}
+        if parts and parts <= {t.key for t in terms}:
+            first = min(k for k, t in enumerate(terms) if t.key in parts)
+            rest = tuple(t for t in terms[first:] if t.key not in parts)
+            joined = (*terms[:first], Term(group, 0, 1.0, 0.0), *rest)
+            terms = search.model.update_terms(joined)
+    return terms
+
+
+def _parts_of(search: Search, group: Group) -> list[Group]:
+    """Return the groups of several effects of which a group consists; none if it has no parts."""
+    names = _family(search.missing, group).effect.supersedes
+    parts = [g for g in search.model.groups if g.place == group.place and g.family in names]
+    return parts if len(parts) > 1 else []
+
+
+def _odds_of_parts(search: Search, rest: Terms, group: Group) -> float:
+    """Return the log odds of a group given the rest, by its parts; minus infinity without parts.
+
+    Far from its rest a spring's two columns are nearly the same, and a prior of both together
+    would hold the spring back. Its parts are one effect, and pay one price.
+    """
+    odds = -group.price
+    parts = _parts_of(search, group)
+    for part in parts:
+        (term,) = search.model.gains(rest, [part])
+        odds += term.odds + part.price
+        rest = (*rest, term)
+    return odds if parts else -np.inf
+
+
+def _families_of(terms: Terms) -> set[str]:
+    """Return the families of missing effects."""
+    return {t.group.family for t in terms}
+
+
+def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Gains]:
+    """Return places where terms surely gain on left-out blocks, and terms that may gain.
+
+    A family everywhere is one term for each place. Each term also needs its own log odds, which use
+    the signs that physics allows. Each round removes the worst term of each place and family.
+
+    Friction of several passive joints keeps all its places: values at some of them would take the
+    friction of the others. Its further places have no gain (nan).
+    """
+    rows = search.missing.seen
+    blocks = search.missing.products(rows, _block_edges(rows), among=found)
+    owners, terms = _split_places(search, found)
+    every = list(zip(owners, terms, strict=True))
+    possible, gains = list[tuple[Term, float]](), np.empty(0)
+    while terms:
+        gains, needed = _gains_left_out(search.model, terms, blocks)
+        odds = np.array([t.odds for t in search.model.update_terms(terms)])
+        lacking = np.minimum(gains - needed, odds - RULES.name)
+        gone = _choose_leaving(lacking, owners, terms)
+        if not gone:
+            break
+        possible += [(terms[k], float(gains[k])) for k in gone if gains[k] > 0]
+        stays = [k for k in range(len(terms)) if k not in gone]
+        owners, terms = [owners[k] for k in stays], tuple(terms[k] for k in stays)
+    places: Places = {t.key: {} for t in found}
+    for owner, term, gain in zip(owners, terms, gains.tolist(), strict=False):
+        places[owner][term.group.place] = gain
+    together = PassiveJointFriction.name, EVERYWHERE
+    if len(places.get(together, ())) > 1:
+        joined = [t for owner, t in every if owner == together]
+        places[together] = {t.group.place: np.nan for t in joined} | places[together]
+        possible = [
+            (t, gain) for t, gain in possible if t.group.family != PassiveJointFriction.name
+        ]
+    return places, tuple(possible)
+
+
+def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
+    """Return the terms removed in a round: at most one of a place and of a family, the worst.
+
+    One scale of the torque is redundant given all others, but all scales together are not.
+    """
+    gone = list[int]()
+    for k in np.argsort(lacking).tolist():
+        families = {owners[g] for g in gone}
+        places = {terms[g].group.place for g in gone}
+        alone = owners[k] not in families and terms[k].group.place not in places
+        if lacking[k] < 0 and alone:
+            gone.append(k)
+    return gone
+
+
+def _split_places(search: Search, found: Terms) -> tuple[list[tuple[str, str]], Terms]:
+    """Return terms of one place each, and the keys of the terms whose parts they are."""
+    owners, terms = list[tuple[str, str]](), list[Term]()
+    for k, term in enumerate(found):
+        candidates = find_candidates(search, found, k)
+        price = float(np.log(len(candidates)))  # the family has paid its price
+        for c in candidates:
+            columns = np.array(c.columns) + search.missing.fixed
+            group = replace(term.group, place=c.place, members=(columns,), price=price)
+            owners.append(term.key)
+            terms.append(replace(term, group=group, member=0))
+    return owners, tuple(terms)
+
+
+def _block_edges(rows: Excerpt) -> list[int]:
+    """Return rows at which blocks of the logs begin, and the end of the last."""
+    logs = np.unique(rows.log)
+    each = -(-LEVELS.folds // len(logs))
+    edges = [0]
+    for log in logs:
+        at = np.flatnonzero(rows.log == log)
+        cuts = np.linspace(at[0], at[-1] + 1, each + 1)
+        edges += cuts.astype(int).tolist()[1:]
+    return edges
+
+
+def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tuple[Array, Array]:
+    """Return the gain of each term on left-out blocks, and the gain that it needs, (t,) [nat].
+
+    A law is an approximation. The likeliest term of a joint may leave an error that other terms
+    fit. Each other term must therefore gain a share of their joint gain, or be no such error. The
+    likeliest may be a family everywhere.
+    """
+    here = dict[str, list[int]]()
+    for k, term in enumerate(terms):
+        here.setdefault(term.group.place, []).append(k)
+    crowded = [some for some in here.values() if len(some) > 1]
+    singles = ([k] for k in range(len(terms)))
+    found = model.left_out(terms, blocks, [*singles, *crowded])
+    gains, together = found[: len(terms)], found[len(terms) :]
+    needed = np.full(len(terms), RULES.keep)
+    for some, gain in zip(crowded, together.tolist(), strict=True):
+        likeliest = max(some, key=lambda k: terms[k].odds)
+        least = max(RULES.keep, RULES.law_error * gain)
+        for k in some:
+            small = k != likeliest and gains[k] < least
+            if small and not _is_apart(model, terms, k, likeliest):
+                needed[k] = least
+    return gains, needed
+
+
+def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
+    """Whether a named term gains beside any error of the law of the likeliest term of its joint.
+
+    The error of a law is a smooth function of the same coordinates. It is in the model as the
+    function of this joint that replaces the law best.
+    """
+    term = terms[k]
+    instead = model.gains(without(terms, likeliest))
+    functions = [t for t in instead if t.group.unnamed and t.group.place == term.group.place]
+    if term.group.unnamed or not functions:
+        return False
+    (again,) = model.gains((*without(terms, k), functions[0]), [term.group])
+    return again.odds >= RULES.name + RULES.keep
+
+
+def _may_rival(one: Group, other: Group) -> bool:
+    """Whether groups compete; a family at a place does not compete with itself everywhere."""
+    places = {one.place, other.place}
+    return one.family != other.family or (len(places) > 1 and EVERYWHERE not in places)
+
+
+def _family(missing: Missing, what: Term | Group) -> Family:
+    return missing.sets[what.key][0][0].family
+
+
+def find_candidates(search: Search, terms: Terms, k: int) -> list[Candidate]:
+    """Return the candidates of one of some terms, one for each place."""
+    term, rest = terms[k], without(terms, k)
+    sets = search.missing.sets[term.key]
+    chosen = sets[min(term.member, len(sets) - 1)]
+    if sets[0][0].family.continuous:
+        chosen = _refined(search.model, rest, term.group, sets)
+    elif term.member == len(sets):
+        chosen = [c for some in sets for c in some]
+    places: dict[str, list[Candidate]] = {}
+    for c in chosen:
+        places.setdefault(c.place, []).append(c)
+    return [_merge_kinds(own) for own in places.values()]
+
+
+def _merge_kinds(own: Sequence[Candidate]) -> Candidate:
+    """Return the candidates of one place as one."""
+    kinds = tuple(kind for c in own for kind in c.kinds)
+    columns = tuple(k for c in own for k in c.columns)
+    return replace(own[0], kinds=kinds, columns=columns)
+
+
+def _refined(
+    model: MixedModel, rest: Terms, group: Group, sets: Sequence[Sequence[Candidate]]
+) -> list[Candidate]:
+    """Return a continuous family at its places, with the likeliest shape between those of its grid.
+
+    A parabola through the likeliest grid shape and its two neighbours has its maximum there.
+    """
+    odds = _odds_of_each(model, rest, group, group.members[: len(sets)])
+    at = where = int(odds.argmax())
+    if 0 < at < len(odds) - 1:
+        before, here, after = odds[at - 1 : at + 2]
+        where = at + 0.5 * (after - before) / max(2 * here - before - after, ROUNDOFF)
+    out = []
+    for c in sets[at]:
+        grid = np.log([x.shape for some in sets for x in some if x.place == c.place])
+        shape = float(np.exp(np.interp(where, np.arange(len(grid)), grid)))
+        out.append(replace(c, shape=shape, effect=c.family.at(shape, c.place)))
+    return out
+
+
+def _odds_of_each(
+    model: MixedModel, rest: Terms, group: Group, members: Sequence[np.ndarray]
+) -> Array:
+    """Return the log odds of members of a group by themselves, (m,)."""
+    each = [replace(group, members=(at,)) for at in members]
+    found = {id(t.group): t.odds for t in model.gains(rest, each)}
+    return np.array([found[id(g)] for g in each])
+
+
+# `MissingEffects` of a model: what the search found, and one group more of all others.
+
+#: Share of the only log that may refute names, and share of either part that is omitted at the
+#: division, because noise has a memory.
+LAST: Tolerance = 0.25
+PAUSE: Tolerance = 0.05
+
+
+def divide(rows: int) -> tuple[int, int]:
+    """Return the end of the fitted part of the only log, and the start of the held-out part."""
+    end = (1 - LAST) * rows
+    start = int((1 - PAUSE) * end)
+    stop = np.ceil(end + PAUSE * (rows - end))
+    return start, int(stop)
+
+
+def find_missing(
+    structure: Structure,
+    regression: Regression,
+    unseen: Regression | None = None,
+    *,
+    commanded: bool = False,
+    irregular: bool = False,
+    known: MissingEffects | None = None,
+) -> MissingEffects:
+    """Return the effects that a model with all columns of a regression may lack.
+
+    Rows that were held out may only take a name away: these are the last log, or the last part of
+    the only one, if no other rows were held out. Where commands were lost (`irregular`), no delay
+    of a joint is looked for: a lost command that is not detected acts like one.
+
+    Effects that are `known` were found in the same rows. The model has got some of them since, and
+    lacks the others.
+    """
+    every = find_families(None, commanded=commanded)
+    families = [f for f in every if not (irregular and f.name == CommandDelay.name)]
+    missing = Missing.of(regression, families, structure.present)
+    if commanded or structure.robot.base is not None:
+        missing = missing.between_reversals()
+    if not len(missing.seen.y) or not missing.groups:
+        return NO_MISSING_EFFECTS
+    if known is not None:
+        return _conclude_known(Search(missing.under(known.noise)), known)
+    judged = name_terms(Search(missing, None if unseen is None else Excerpt.of(unseen)))
+    terms = tuple(_at_places(judged, term) for term in judged.terms)
+    return _conclude(judged.search, terms)
+
+
+def _conclude_known(search: Search, known: MissingEffects) -> MissingEffects:
+    """Return the same for those known effects that a model still lacks."""
+    groups = {g.key: g for g in search.model.groups}
+    lacking = (replace(t, group=groups[t.key]) for t in known.named if t.key in groups)
+    return _conclude(search, search.model.update_terms(tuple(lacking)))
+
+
+def _at_places(judged: Judged, term: Term) -> Term:
+    """Return a term of a family everywhere with its places, where only some of them show it."""
+    family, place = term.key
+    every = {place for name, place in judged.search.missing.sets if name == family} - {EVERYWHERE}
+    sure = judged.places[term.key]
+    if place != EVERYWHERE or every <= set(sure):
+        return term
+    return replace(term, places=tuple(sure))
+
+
+#: Families by which friction of a joint may be nonlinear without a name.
+NONLINEAR_FRICTION = (
+    "function_of_velocity",
+    "function_of_load",
+    "load_dependent_friction",
+    "quadratic_friction",
+)
+
+
+def _share_of(
+    model: MixedModel,
+    used: np.ndarray,
+    term: Term,
+    weight: float,
+    own: float,
+    terms: Terms,
+) -> Share:
+    """Return the contribution of one of some terms; columns are among those that are used."""
+    s = model.solve(terms)
+    unit = model.scale[term.columns]
+    at = np.isin(s.columns, term.columns)
+    columns = np.searchsorted(used, term.columns)
+    value = s.value[at] / unit
+    root = s.root[:, at] / unit
+    return Share(term, weight, own, columns, value, root)
+
+
+def _conclude(search: Search, terms: Terms) -> MissingEffects:
+    """Return the effects of some terms, and of one group more, on the labels of a model.
+
+    A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
+    would widen every label. So it is one group more only where a scale was found.
+    """
+    missing, model = search.missing, search.model
+    if all(t.group.family != TorqueScale.name for t in terms):
+        usual = tuple(g for g in model.groups if g.family != TorqueScale.name)
+        model = replace(model, groups=usual)
+    groups = [(t, 1.0, 1.0, terms) for t in terms]
+    alternatives = model.alternatives(terms, NONLINEAR_FRICTION)
+    groups += [(t, weight, own, (*terms, t)) for t, weight, own in alternatives]
+    columns_each = (t.columns for t, *_ in groups)
+    used = np.unique(np.concatenate([np.empty(0, int), *columns_each]))
+    shares = [_share_of(model, used, *group) for group in groups]
+    rows = []
+    for j, X in enumerate(missing.seen.X.swapaxes(0, 1)):
+        columns = np.flatnonzero(X.any(0))
+        at = (used - missing.fixed).tolist()
+        random = [k for k, column in enumerate(at) if (j, column) in missing.entries]
+        Z = [missing.entries[j, at[k]] for k in random]
+        R = triangular_factor(np.column_stack([X[:, columns], *Z]))
+        width = len(columns)
+        rows.append(JointRows(columns, R[:, :width], np.array(random, int), R[:, width:]))
+    alone = tuple(t.odds for (t,) in (model.gains((), [t.group]) for t in terms))
+    return MissingEffects(terms, tuple(shares), tuple(rows), missing.noise, alone)
