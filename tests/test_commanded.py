@@ -392,6 +392,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     apart = roll_delayed(CommandedRobot(arm, TRUTH), log)[1] - log.q
     assert found.totals[1] < 1.05 * apart[forgotten(log) :].std()
     assert f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad" in result.answers()[1].short
+    assert found.answers()[1].tone == "green"  # no log was fitted
     found.to_json(tmp_path / "rollout.json")
     assert found.write_report(tmp_path / "rollout.html").stat().st_size > 10_000
 

@@ -235,10 +235,12 @@ class Moving:
         return float(np.nanmin(every)), float(np.nanmax(every))
 
     @property
-    def ends(self) -> tuple[str, str]:
-        """The range in words."""
-        low, high = self.range
-        return format_number(low, 3), format_number(high, 3)
+    def ends(self) -> str:
+        """The quantity that is drawn, with its range."""
+        if self.torque is None:
+            return ""
+        low, high = (format_number(end, 3) for end in self.range)
+        return f"{self.torque.shown} {low} … {high} {self.torque.unit}"
 
     @property
     def zero(self) -> float:
@@ -329,12 +331,16 @@ class Trace:
         return cls(name, unit, tuple(times.tolist()), broken, quantity)
 
     @property
+    def shown(self) -> str:
+        """The quantity in words, with force for torque where the unit says so."""
+        return self.quantity.replace("torque", name_torque(self.unit))
+
+    @property
     def data(self) -> str:
         """The lines as JSON with five digits."""
         rows = (self.t, *self.lines.values())
         short = [[None if math.isnan(x) else float(f"{x:.5g}") for x in row] for row in rows]
-        quantity = self.quantity.replace("torque", name_torque(self.unit))
-        axes = {"x": "time [s]", "axis": f"{quantity} [{self.unit}]"}
+        axes = {"x": "time [s]", "axis": f"{self.shown} [{self.unit}]"}
         return json.dumps({**axes, "names": [*self.lines], "rows": short})
 
 

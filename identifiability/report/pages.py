@@ -27,11 +27,13 @@ from identifiability.foundation.rounding import (
     join,
     rough_percent,
 )
+from identifiability.logs.commands import has_commands
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 
 from .answers.common import NAMED, capital, hint_note, sentence, words
 from .answers.compare import list_loaded
+from .answers.predict import find_worst, state_span
 from .answers.tables import make_table, unit_cell
 from .blocks import (
     SHOWN_FIRST,
@@ -627,7 +629,8 @@ def rollout_heading(result: PositionPrediction) -> tuple[str, str]:
 
 def rollout_sections(result: PositionPrediction) -> list[Section | None]:
     """Return the sections of the page."""
-    return [section("rollout.joints", result.tables()[0]), _positions(result)]
+    span = state_span(result)
+    return [section("rollout.joints", result.tables()[0], span=span), _positions(result)]
 
 
 def rollout_moving(result: PositionPrediction) -> Moving | None:
@@ -649,32 +652,22 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         ]
 
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
-    worst = int(
-        np.argmax(
-            np.where(
-                result.alike,
-                np.nan_to_num(result.runs[-1].errors),
-                -1,
-            )
-        )
-    )
+    worst = _find_shown(result)
     joint = log.joints[worst]
-    unit = "m" if result.unit == "mm" else "rad"
-    caption = sentence("rollout.motion", log=log.name, joint=joint)
+    driven = "commands" if has_commands(log) else "torque"
+    caption = sentence("rollout.motion", driven, log=log.name, joint=joint)
     moving = move_skeletons(robot, log.t, poses, told, caption)
     if moving is None:
         return None
-    lines = {name: q[:, worst] for name, (_, q) in motions.items()}
+    apart = {name: 1e3 * (q - log.q)[:, worst] for name, (_, q) in motions.items()}
     times = log.t - log.t[0]
-    below = Trace.of(
-        for_svg(joint),
-        unit,
-        times,
-        lines,
-        POINTS,
-        "position",
-    )
+    below = Trace.of(for_svg(joint), result.unit, times, apart, POINTS, "position error")
     return replace(moving, torque=below)
+
+
+def _find_shown(result: PositionPrediction) -> int:
+    """Return the joint that errs most in any robot."""
+    return find_worst(result, np.max([run.errors for run in result.runs], axis=0))
 
 
 def _positions(result: PositionPrediction) -> Section:
@@ -691,5 +684,6 @@ def _positions(result: PositionPrediction) -> Section:
         robot.position_units,
         lines,
         "position",
+        shown=_find_shown(result),
     )
     return section("rollout.positions", shown, log=log.name)

@@ -823,6 +823,13 @@ class ResultEntry(Entry):
     missing_functions: tuple[dict[str, Any], ...] = ()
     rollout: RolloutEntry | None = None
     bending: BendingEntry = BendingEntry()
+    provenance: dict[str, str] = {}
+
+    @property
+    def fitted(self) -> frozenset[str]:
+        """SHA-256 of the fitted logs."""
+        paths, _ = self.errors.sides
+        return frozenset(self.provenance.get(f"sha256 {path}", "") for path in paths)
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -1086,6 +1093,10 @@ class PositionPrediction(Result):
     hints : tuple of str
     unseen : bool
         Whether no log was fitted.
+    origin : str
+        The result that the second robot comes from; empty for the robot of a file.
+    sides : (tuple of str, tuple of str)
+        Paths of the fitted and of the held-out logs of that result.
     """
 
     schema: ClassVar[str] = "identifiability/rollout/1"
@@ -1095,6 +1106,8 @@ class PositionPrediction(Result):
     runs: tuple[Simulated, ...]
     hints: tuple[str, ...] = ()
     unseen: bool = True
+    origin: str = ""
+    sides: tuple[Strings, Strings] = ((), ())
 
     @cached_property
     def alike(self) -> np.ndarray:
@@ -1299,7 +1312,7 @@ def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> Pos
     robot = case.robot
     robot.check_stands("predict --forward")
     recordings = case.stages.once(read_driven, robot, (*case.logs, *case.validate))
-    other, changed = _find_machine(robot, result)
+    other, changed, content = _find_machine(robot, result)
     hints = (*changed, *recordings.hints)
     # Logs of commands are read literally.
     by_torque = robot.servo is None and other is not None and is_result(result)
@@ -1316,7 +1329,12 @@ def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> Pos
     if robot.servo is not None and robot.servo.unknown.any() and other is not None:
         file = replace(robot, servo=other[0].servo), *file[1:]
     runs = tuple(_move(*machine, logs) for machine in (file, other) if machine is not None)
-    return PositionPrediction(robot=case.robot, logs=tuple(logs), runs=runs, hints=hints)
+    found = PositionPrediction(robot=case.robot, logs=tuple(logs), runs=runs, hints=hints)
+    if content is None:
+        return found
+    origin = str(result) if isinstance(result, (str, Path)) else Fit.origin
+    unseen = content.fitted.isdisjoint(log.sha256 for log in logs)
+    return replace(found, origin=origin, sides=content.errors.sides, unseen=unseen)
 
 
 def read_driven(robot: Robot, logs: Sequence[LogLike]) -> Recordings:
@@ -1330,10 +1348,10 @@ def read_driven(robot: Robot, logs: Sequence[LogLike]) -> Recordings:
 
 def _find_machine(
     robot: Robot, result: Predicts | Robot | str | Path
-) -> tuple[Machine | None, tuple[Finding, ...]]:
-    """Return the robot of a result, or another one, and whether the file of the result changed.
+) -> tuple[Machine | None, tuple[Finding, ...], ResultEntry | None]:
+    """Return the robot of a result, or another one, whether its file changed, and the result.
 
-    There is None for the robot of the file itself.
+    There is None for the robot of the file itself, and for the result of another robot.
     """
     if is_result(result):
         live: Any = result
@@ -1341,12 +1359,14 @@ def _find_machine(
         path = Path(live if given else live.to_json(new_place("fitted", ".json")))
         content, fitted, values = read_real(path, robot, "moved")
         machine = fitted, path.name, complete_values(fitted, values, keep=False)
-        return machine, note_change(path if given else "the result", content.robot, robot)
+        changed = note_change(path if given else Fit.origin, content.robot, robot)
+        return machine, changed, content
     other = Robot.of(cast("RobotLike", result))
     if other.joints != robot.joints:
         joints = {"own": [*other.joints], "path": robot.path, "joints": [*robot.joints]}
         raise RobotError(Finding("robots.joints", other.path, **joints))
-    return None if other.sha256 == robot.sha256 else (other, _file_name(other), {}), ()
+    machine = None if other.sha256 == robot.sha256 else (other, _file_name(other), {})
+    return machine, (), None
 
 
 def _file_name(robot: Robot) -> str:

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Table, frame_table
+from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import LEVEL, join
+from identifiability.foundation.rounding import LEVEL, digits, format_number, join
 from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
-from identifiability.workflows.provenance import given_paths
 
 from .analyze import state_interval
-from .commands import compare_line, diagnose_lines, export_line, name_logs
+from .commands import compare_line, diagnose_lines, export_line, name_logs, validate_options
 from .common import (
+    VISIBLE,
     AnsweringPresenter,
     Command,
     PredictingPresenter,
@@ -212,22 +212,33 @@ class PositionPredictionPresenter(AnsweringPresenter):
     result: PositionPrediction
 
     def asked(self) -> tuple[Answer, ...]:
-        """Return the error of positions."""
-        return (_answer_positions(self.result),)
+        """Return the error of positions, and of a fitted robot whether to trust it."""
+        result = self.result
+        trust = (_answer_motion(result),) if result.origin else ()
+        return (_answer_positions(result), *trust)
 
     def commands(self) -> list[Command]:
-        """Return the line that diagnoses the logs; held-out logs are never fitted."""
+        """Return the line that takes a robot that moves well into a simulator, or diagnoses it."""
         result = self.result
-        if result.unseen:
+        if not result.origin:
             return []
-        logs = name_logs(result.robot, given_paths(result.logs))
+        if _moves_better(result):
+            return [command("export", export_line(result.robot, path_for_shell(result.origin)))]
+        fitted, unseen = result.sides
+        logs = f"{name_logs(result.robot, fitted)}{validate_options(unseen)}"
         line = f"diagnose {self.robot} {logs} --out model.toml --report missing.html"
-        return [command("missing_file", line)]
+        return [command("missing", line)]
 
     def tables(self) -> tuple[Table, ...]:
-        """Return one row a joint, in mrad or mm."""
-        frame = 1e3 * self.result.to_frame().drop(columns="joint").rename_axis("joint")
-        return (frame_table(frame, sentence("rollout.errors", "table")),)
+        """Return one row a joint, in mrad or mm; where all are alike, one of all joints."""
+        result = self.result
+        rows = [(row.pop("joint"), *row.values()) for row in self.frame().to_dict("records")]
+        units = [unit for unit, joints in result.kinds.items() if joints.any()]
+        if len(units) == 1:
+            rows.append((sentence("diagnosis.missing", "everywhere"), *result.totals))
+        rows = [(joint, *(1e3 * np.array(errors))) for joint, *errors in rows]
+        more = [Column(f"error of {run.name}", digits(3)) for run in result.runs]
+        return (make_table("rollout", rows, more=more, unit=" or ".join(units)),)
 
     def frame(self) -> pd.DataFrame:
         """Return one row a joint: the error of each robot [rad or m]."""
@@ -290,11 +301,59 @@ def _state_size(result: PositionPrediction, errors: Array) -> str:
     return join(each)
 
 
+def _moves_better(result: PositionPrediction) -> bool:
+    """Return whether the last robot is nearer to the recording than the first one."""
+    file, *_, last = np.nan_to_num(result.totals, nan=np.inf)
+    return bool(last < file)
+
+
+def state_span(result: PositionPrediction) -> str:
+    """Return along which logs, or windows of them, errors are taken."""
+    part = "whole" if any(map(has_commands, result.logs)) else "windows"
+    logs = [log.name for log in result.logs]
+    return sentence("rollout.errors", part, window=WINDOW, logs=logs)
+
+
+def find_worst(result: PositionPrediction, errors: Array) -> int:
+    """Return the joint with the largest of some errors (n,) [rad or m]."""
+    return int(np.where(result.alike, np.nan_to_num(errors), -1.0).argmax())
+
+
 def _answer_positions(result: PositionPrediction) -> Answer:
-    """Return the errors of the positions of each robot."""
+    """Return the errors of the positions of each robot; of two the nearer one first."""
     about = "rollout.errors"
     totals = result.totals
-    part = "whole" if any(map(has_commands, result.logs)) else "windows"
-    text = sentence(about, part, window=WINDOW, logs=[log.name for log in result.logs])
-    tone = "blue" if len(totals) == 1 else "green" if totals[1] < totals[0] else "amber"
-    return Answer(sentence(about, "question"), f"{_state_runs(result)}.", text, tone)
+    short = f"{_state_runs(result)}."
+    parts = [state_span(result)]
+    order = np.argsort(totals)
+    near, far = (result.runs[k] for k in (order[0], order[-1]))
+    sizes = {"size": _state_size(result, near.errors), "other": _state_size(result, far.errors)}
+    apart = totals.max() > (1 + VISIBLE) * totals.min() > 0
+    if apart and sum(joints.any() for joints in result.kinds.values()) == 1:
+        times = totals.max() / totals.min()
+        short = sentence(about, "nearer", near=near.name, far=far.name, times=times, **sizes)
+        worst = find_worst(result, near.errors)
+        size = f"{format_number(1e3 * near.errors[worst], 3, pad=True)} {result.unit}"
+        parts.append(sentence(about, "most", joint=result.robot.joints[worst], size=size))
+        delays = [f"{1e3 * np.median(x.delays):.3g} ms ({x.name})" for x in (near, far)]
+        parts += [sentence(about, "delays", delays=delays)] if any(near.delays) else []
+    tone = "green" if _moves_better(result) else "blue" if len(totals) == 1 else "amber"
+    return Answer(sentence(about, "question"), short, join_sentences(*parts), tone)
+
+
+def _answer_motion(result: PositionPrediction) -> Answer:
+    """Return whether the motion of a fitted robot may be trusted."""
+    about = "rollout.trust"
+    lag = result.from_commands
+    commanded = np.isfinite(lag[result.alike]).all()
+    text = sentence(about, "lag", lag=_state_size(result, lag)) if commanded else ""
+    grave = first_sentence(*(x for x in result.hints if hint_note(x).level == "warning"))
+    part = "no"
+    if _moves_better(result):
+        part = "yes" if result.unseen else "fitted"
+        part = "lags" if commanded and not result.follows else part
+        part = "care" if grave else part
+    elif not np.isfinite(result.totals[-1]):
+        part = "diverges"
+    logs = [log.name for log in result.logs]
+    return answer(about, part, text, logs=logs, file=result.runs[0].name, first=grave)

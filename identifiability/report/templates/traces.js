@@ -11,7 +11,8 @@ function drawTraces(figure) {
     if (plot) plot.destroy();
     const [ink, line] = [colour("--muted"), colour("--line")];
     const strokes = [colour("--muted"), colour("--blue"), colour("--purple"), colour("--sky"), colour("--green")];
-    const paint = (name, k) => (name === "residual" ? colour("--vermilion") : strokes[k]);
+    const named = { residual: "--vermilion", command: "--ink" };
+    const paint = (name, k) => (named[name] ? colour(named[name]) : strokes[k]);
     const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
     const limit = (name) => name.endsWith(" allowed") || name.startsWith("95 %");
     const edges = data.names.flatMap((name, k) => (limit(name) ? [k + 1] : []));
@@ -28,7 +29,7 @@ function drawTraces(figure) {
       axes: [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
         label: limit(name) && both ? shared : name, class: both && limit(name) ? (k + 1 === edges[1] ? "upper" : "band") : undefined, stroke: limit(name) ? colour("--blue") : paint(name, k), width: name.startsWith("95 %") ? 0.4 : k ? 1.4 : 2.6,
-        value: limit(name) && both ? ends : digits, dash: name.endsWith(" allowed") ? [6, 4] : [],
+        value: limit(name) && both ? ends : digits, dash: name.endsWith(" allowed") || name === "command" ? [6, 4] : [],
         points: { show: false },
       }))],
       bands: edges.length === 2
