@@ -45,7 +45,7 @@ def mixed(logs):
 
 
 def test_the_odd_log_is_named_with_parameter_and_joint(mixed):
-    said = "The logs first, second, third disagree: elbow.Fc"
+    said = "first, second and third disagree on elbow.Fc"
     (hint,) = (h for h in mixed.hints if h.startswith(said))
     assert hint in mixed.details
     assert f"First add {mixed.missing.functions[0]} to the model (`diagnose`)" in hint

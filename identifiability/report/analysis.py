@@ -94,7 +94,7 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
 
 def analysis_sections(analysis: Analysis) -> list[Section | None]:
     """Return the sections of the page."""
-    title = f"Parameters of {model_title(analysis.chosen)}"
+    title = sentence("analysis.parameters", "title")
     correlated = None if analysis.nothing else section_correlated(analysis.fit)
     profiles = section_profiles(analysis) if analysis.profiles else None
     posterior = None if analysis.belief is None else section_posterior(analysis)
@@ -149,7 +149,6 @@ def section_parameters(analysis: Analysis) -> Section:
         known,
         from_file,
         _name_key(analysis),
-        title=model_title(chosen),
         size=len(chosen.submodel),
         counts=count_words(table),
     )

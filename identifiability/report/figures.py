@@ -489,7 +489,7 @@ def draw_curve(
     points = np.stack([x, data], 1)[rows]
     # Strokes without length are a tenth of the size of markers.
     strokes(axes, points, points, MUTED, linewidth=3.0, capstyle="round", alpha=0.6)
-    axes.plot([], [], ".", color=MUTED, label="measured less the rest")
+    axes.plot([], [], ".", color=MUTED, label="measured minus other torque")
     order = np.argsort(x)
     along = learned[order]
     low = along - REACH * spread[order]
@@ -626,7 +626,8 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
 def label_line(axes: Axes, x: float, text: str, side: str) -> None:
     """Write next to a vertical line at x, at the top of the axes."""
     top = axes.get_xaxis_transform()
-    axes.text(x, 0.98, text, color=BLUE, transform=top, va="top", ha=side)
+    apart = (-4 if side == "right" else 4, 0)
+    axes.annotate(text, (x, 0.98), apart, top, "offset points", color=BLUE, va="top", ha=side)
 
 
 @drawn
@@ -679,7 +680,7 @@ def draw_ladder(
     axes.axvline(chosen, color=BLUE, **DASHED)
     # The curve rises at the right: the label is at the left if there is room.
     side = "right" if 4 * chosen < 3 * sizes.max() else "left"
-    label_line(axes, chosen, f" use these {chosen:.0f} ", side)
+    label_line(axes, chosen, f"use these {chosen:.0f}", side)
     shown = np.concatenate([unseen, other])
     if (shown[np.isfinite(shown)] > 0).any():
         axes.set_yscale("log")
@@ -691,7 +692,7 @@ def draw_ladder(
         axes.yaxis.set_minor_locator(NullLocator())
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)
     legend_above(axes)
-    label_axes(axes, "number of parameters [–]", "relative torque error [%]")
+    label_axes(axes, "parameters kept", "relative torque error [%]")
     return figure
 
 

@@ -454,7 +454,7 @@ def inspection_sections(result: Inspection) -> list[Section]:
     names = [record.name for record in result.records]
     clock, motion = result.tables()
     first, *others = (_recorded(result, record) for record in result.records)
-    folds = (Fold(f"The same of {n}", x) for n, x in zip(names[1:], others, strict=True))
+    folds = (Fold(f"Position and torque of {n}", x) for n, x in zip(names[1:], others, strict=True))
     preparations = map(_preparation, result.records)
     return [
         section("inspection.motion", motion),
@@ -529,7 +529,8 @@ def _robot(result: Inspection) -> list[Section]:
 
 def payload_heading(result: Load) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    logs = join(shorten_paths(result.logs), 3)
+    loaded, empty = (join(shorten_paths(x), 3) for x in (result.logs, result.without))
+    logs = f"{loaded} against {empty}" if empty else loaded
     return "Payload report", f"{result.robot.path.name} · {_name_model(result.model)} · {logs}"
 
 
@@ -652,7 +653,7 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         ]
 
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
-    worst = _find_shown(result)
+    worst = find_worst(result)
     joint = log.joints[worst]
     driven = "commands" if has_commands(log) else "torque"
     caption = sentence("rollout.motion", driven, log=log.name, joint=joint)
@@ -663,11 +664,6 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
     times = log.t - log.t[0]
     below = Trace.of(for_svg(joint), result.unit, times, apart, POINTS, "position error")
     return replace(moving, torque=below)
-
-
-def _find_shown(result: PositionPrediction) -> int:
-    """Return the joint that errs most in any robot."""
-    return find_worst(result, np.max([run.errors for run in result.runs], axis=0))
 
 
 def _positions(result: PositionPrediction) -> Section:
@@ -684,6 +680,6 @@ def _positions(result: PositionPrediction) -> Section:
         robot.position_units,
         lines,
         "position",
-        shown=_find_shown(result),
+        shown=find_worst(result),
     )
     return section("rollout.positions", shown, log=log.name)

@@ -228,7 +228,7 @@ def build_page(result: Result) -> Page:
     quantity = name_forces if pushes(result) else str
     hints = [hint_note(x) for x in result.remarks if first_sentence(x).lower() not in said.lower()]
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))
-    notes = tuple(x for x in notes if quantity(x.text) not in said)
+    notes = tuple(x for x in notes if quantity(x.text).lower() not in said.lower())
     tables = [_table_section(f"table-{k + 1}", table) for k, table in enumerate(result.tables())]
     done = [_table_section("ledger", table) for table in result.ledger()]
     sections = [*filter(None, _of_page(result, "sections", tables)), *done]

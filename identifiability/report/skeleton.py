@@ -296,9 +296,10 @@ def move_with_torque(
     k = robot.joints.index(name)
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     how = how or ("loaded" if residual is None else "missed")
-    word, of = ("differs by", " of its variation") if how == "changed" else ("misses", "")
-    each = zip(share[:, k], np.isfinite(torque[:, k]), strict=True)
-    missed = [f"{name} {word} {100 * x:.0f} %{of}" if known else name for x, known in each]
+    word = "differs by" if how == "changed" else "misses"
+    sizes = np.abs(torque if residual is None else residual)[:, k]
+    unit = robot.torque_units[k]
+    missed = [f"{name} {word} {x:.2g} {unit}" if np.isfinite(x) else name for x in sizes]
     own = {what: y[:end, k] for what, y in lines.items()}
     caption = sentence("moving", how, log=log, joint=name)
     if any(np.isnan(y).any() for y in own.values()):
@@ -308,7 +309,7 @@ def move_with_torque(
     moving = move_skeletons(robot, t[:end], poses, told, caption, load)
     if moving is None:
         return None
-    trace = Trace.of(for_svg(name), robot.torque_units[k], t[:end] - t[0], own, POINTS)
+    trace = Trace.of(for_svg(name), unit, t[:end] - t[0], own, POINTS)
     # Times of the log, as in the plots below.
     moving = replace(moving, torque=trace, t=moving.t + t[0])
     if load is not None:  # as large in all frames

@@ -96,7 +96,7 @@ def test_torque_is_told_apart_low_passed_and_raw(make_log):
     assert result.fit.preparation.cutoff == result.samples[0].cutoff
     assert found.error_ra < found.error_ra_raw
     assert (found.low < found.new).all()
-    assert "; before low-pass filtering" in found.details
+    assert "(no low-pass filter)" in found.details
 
 
 def test_what_the_fitted_motion_never_showed_is_not_predicted(make_log):

@@ -61,7 +61,6 @@ from .common import (
     note,
     sentence,
     state_contradicted,
-    state_reserved,
     state_uneven_log,
     torque_noise,
 )
@@ -184,9 +183,9 @@ class LadderedPresenter(PredictingPresenter):
         each = result.held_out.by_joint()
         return result.chosen.error_ra_validation, each["error"], each["rms"]
 
-    def reserved(self) -> str:
-        """Return where a reader finds the reservation; empty if trust is an unreserved yes."""
-        return state_reserved(answer_doubt(self.result))
+    def reserved(self) -> bool:
+        """Return whether trust is no unreserved yes."""
+        return answer_doubt(self.result).tone != "green"
 
     def noise(self) -> Array | None:
         """Return the noise of each joint's torque; None where torque was computed."""
@@ -289,9 +288,9 @@ class AnalysisPresenter(LadderedPresenter):
             return answer(about, "nothing")
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if is_nearly_real(chosen) else "amber"
-        use = sentence(about, "use", name=chosen.name.removeprefix("Model "))
         count = len(chosen.submodel)
-        text = join_sentences(_state_unknown(chosen), state_nearest(chosen) or use)
+        near = "" if is_nearly_real(chosen) else state_nearest(chosen)
+        text = join_sentences(_state_unknown(chosen), near)
         found = found_cell(chosen).text
         return answer(about, part, text, tone, found=found, count=count)
 
@@ -337,12 +336,7 @@ def state_nearest(model: ModelResult) -> str:
     near = model.unseen_by(1)
     if model.feasible or not np.isfinite(near):
         return ""
-    about = "laddered.statement"
-    free = model.unseen_by(0)
-    alike = percent_text(100 * near) == percent_text(100 * free)
-    part = "same" if alike or near < free else "errs"
-    error = sentence(about, part, near=near, free=free)
-    return sentence(about, "nearest", error=error)
+    return sentence("laddered.statement", "nearest", near=near, free=model.unseen_by(0))
 
 
 def _state_left_out(result: Laddered[Any]) -> str:
@@ -369,12 +363,14 @@ def count_kinds(names: Iterable[str]) -> Counter[str]:
 
 
 def _state_unknown(chosen: ModelResult) -> str:
-    """Return how many parameters have each other verdict, and their kinds, the frequent first."""
+    """Return the kinds of parameters with other verdicts, and how many are not just unknown."""
     others = [v for v in chosen.verdicts if v.verdict is not Class.IDENTIFIABLE]
     if chosen.unjudged or not others:
         return ""
+    about = "analysis.others"
     doubted = Counter(Flag.IN_DOUBT if Flag.IN_DOUBT in v.flags else v.verdict for v in others)
-    labels = join([f"{n} {WORDS['analysis.others'][of]}" for of, n in doubted.most_common()])
+    each = [sentence(about, of, count=doubted[of]) for of in WORDS[about] if doubted[of]]
+    labels = sentence("analysis.use", "labels", labels=join(each)) if each else ""
     kinds = count_kinds(v.name for v in others)
     each = [format_count(n, kind) for kind, n in kinds.most_common()]
     return sentence("analysis.use", "open", others=len(others), labels=labels, each=each)
@@ -483,6 +479,12 @@ def _state_missing(result: Laddered[Any]) -> str:
     return sentence("trust", "refuted", missing=missing, **holes)
 
 
+def name_friction(name: str) -> str:
+    """Return the friction of a joint in words; any other parameter by its name."""
+    place, _, kind = name.rpartition(".")
+    return f"{sentence('values', kind)} of {place}" if kind in ("Fc", "Fv") else name
+
+
 def _state_in_doubt(result: Laddered[Any]) -> str:
     """Return which values are in doubt, and the effect behind most of them."""
     chosen = result.chosen
@@ -492,7 +494,7 @@ def _state_in_doubt(result: Laddered[Any]) -> str:
         return ""
     effects = Counter(filter(None, (alternatives.names[k] for k in doubted)))
     ((effect, _),) = effects.most_common(1) or [("", 0)]
-    names = [chosen.verdicts[k].name for k in doubted]
+    names = [name_friction(chosen.verdicts[k].name) for k in doubted]
     lacks = effect in result.missing.functions  # the headline says it
     may = "" if lacks else sentence("trust", "may", effect=effect)
     return effect and sentence("trust", "doubted", names=names, effect=may)

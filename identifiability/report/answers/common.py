@@ -63,8 +63,13 @@ def capital(text: str) -> str:
 
 def first_sentence(*texts: str) -> str:
     """Return the first sentence of the first of some texts, as it stands after a colon."""
-    first = "".join(texts[:1]).partition(". ")[0].rstrip(".")
-    return f"the {first[4:]}" if first.startswith("The ") else first
+    return after_colon("".join(texts[:1]).partition(". ")[0])
+
+
+def after_colon(text: str) -> str:
+    """Return a text as it stands after a colon, without its final stop."""
+    text = text.rstrip(".")
+    return f"the {text[4:]}" if text.startswith("The ") else text
 
 
 def sentence(name: str, what: str = "text", /, **holes: Any) -> str:
@@ -263,9 +268,9 @@ class PredictingPresenter(AnsweringPresenter):
         diagnosed = self.verb == "diagnose"
         return state_uneven(error, self.result.robot.joints, each, diagnosed=diagnosed)
 
-    def reserved(self) -> str:
-        """Return where a reader finds the reservation; empty if there is none."""
-        return sentence("quality", "warned") if self.result.warnings else ""
+    def reserved(self) -> bool:
+        """Return whether the page states a doubt."""
+        return bool(self.result.warnings)
 
     def answer_error(
         self,
@@ -300,12 +305,11 @@ class PredictingPresenter(AnsweringPresenter):
             tone = "grey"
         uses = sentence("decision.uses", grade)
         if tone != "vermilion" and reserved:
-            later = f"{uses[0].lower()}{uses[1:]}"
-            uses = sentence("quality", "reserved", doubt=reserved, uses=later)
+            uses = sentence("quality", "reserved", uses=uses)
         # A filter makes a difference.
         if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
             text = sentence("quality", "raw", told=text.removesuffix("."), raw=raw)
-        text = join_sentences(text, uses)
+        text = join_sentences(text, capital(uses))
         if noisy:
             text, more = sentence("quality", "quieter"), join_sentences(text, more)
         found = answer("quality", part, text, tone, question=question, error=error, worst=worst)
@@ -418,11 +422,6 @@ def advise_motion(families: Sequence[str]) -> str:
     return known or sentence("diagnosis.doubts", "motion")
 
 
-def state_reserved(found: Answer) -> str:
-    """Return where a reader finds the reservation; empty if the answer is an unreserved yes."""
-    return "" if found.tone == "green" else sentence("quality", "asked")
-
-
 def answer_trust(
     notes: Sequence[Note],
     doubt: str,
@@ -455,9 +454,12 @@ def answer_trust(
         if len(checks) > 1:
             titles.append(sentence("trust", "checks", count=checks[1:]))
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
+    # The only caveat stands here alone, so that no note repeats it.
+    if len(checks) == len(titles) == 1:
+        titles = [after_colon(checks[0])]
     grave = "; ".join([*(read if warnings else []), *titles])
     if missing:
-        text = _state_open({"until": in_doubt, "read": grave})
+        text = _state_open({"until": capital(in_doubt), "read": grave})
         return answer("trust", "if_nothing", text, missing=missing)
     if grave:
         return answer("trust", "care", sentence("trust", "open") if in_doubt else "", grave=grave)

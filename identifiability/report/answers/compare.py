@@ -292,7 +292,7 @@ def _title(change: Change | Unchanged) -> str:
 def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     """Yield the rows of a change: its first number, and others whose intervals exclude zero.
 
-    The first row has torque, probability, logs and rivals of all of them.
+    Torque and probability are those of all of them. The first row has logs and rivals.
     """
     probability = probability_text(change.odds)
     rivals = "; ".join(state_alternatives(change))
@@ -302,7 +302,7 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
             continue
         what = Cell(name, note="" if k else capital(change.what))
         yield what, *_state_number(change, k), *more
-        more = "", "", "", ""
+        more = *more[:2], "", ""
 
 
 def _state_torque(change: Change) -> str:

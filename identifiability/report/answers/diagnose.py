@@ -20,7 +20,7 @@ from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import join, measured, state_probability
+from identifiability.foundation.rounding import REACH, join, measured, state_probability
 from identifiability.physical.cad_prior import find_rises
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
@@ -81,7 +81,8 @@ class DiagnosisPresenter(PredictingPresenter):
         # The answer above states the error: this one is headed by the uses, if no joint stands out.
         if result.moved is None and error.text and "; " not in error.short:
             question = sentence("diagnosis.residual", "uses")
-            error = replace(error, question=question, short=error.text, text=error.short)
+            _, _, most = error.short.partition(". ")
+            error = replace(error, question=question, short=error.text, text=most)
         error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending
@@ -381,7 +382,7 @@ def _state_size(e: NamedEffect) -> str:
     """Return the masses of a load, or the largest torque of an effect, ± one standard error.
 
     An effect of several numbers a place has no single size. The number of an effect with a shape is
-    the limit of its curve, so its largest torque along the logs is stated instead.
+    the limit of its curve: where the logs do not come near, their largest torque is stated instead.
     """
     placements = [p for p in e.placements if p.sure]
     rows = [row for p in placements for row in p.rows]
@@ -393,11 +394,17 @@ def _state_size(e: NamedEffect) -> str:
     if len(rows) > len(placements) or not torques:
         return ""
     _, value, error, unit = max(torques, key=lambda row: abs(row[1]))
-    if any(np.isfinite(p.shape) for p in placements):
-        peak = max(p.peak for p in placements)
+    shaped = any(np.isfinite(p.shape) for p in placements)
+    peak = max(p.peak for p in placements)
+    if shaped and _is_far(value, error, peak):
         return sentence("diagnosis.missing", "peak", peak=peak, unit=unit)
-    part = "size" if len(rows) == 1 else "largest"
+    part = "size" if len(rows) == 1 and not shaped else "largest"
     return sentence("diagnosis.missing", part, size=measured(abs(value), error, unit))
+
+
+def _is_far(limit: float, error: float, peak: float) -> bool:
+    """Return whether the limit of a curve is surely larger than its largest torque in the logs."""
+    return abs(limit) - peak > REACH * error
 
 
 # How much of the gap it explains, and how good the model is then.
@@ -484,8 +491,9 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
         name = Cell(" or ".join(list_names(e)), note=equation)
         for p in e.placements:
             added = unit_cell(p.peak, units.get(p.place, of_any))
-            limit = sentence("diagnosis.missing", "limit") if np.isfinite(p.shape) else ""
             for parameter, value, error, unit in p.rows:
+                far = np.isfinite(p.shape) and _is_far(value, error, p.peak)
+                limit = sentence("diagnosis.missing", "limit") if far else ""
                 named = name if p.sure else sentence("diagnosis.missing", "unsure")
                 size = Cell(measured(value, error, unit), value, note=limit)
                 yield named, parameter, size, p.odds, p.unseen, added

@@ -56,11 +56,14 @@ class InspectionPresenter(AnsweringPresenter):
         loaded = [hint.subject for hint in of_key(result.hints, "log_load")]
         kept = [r for r in result.records if r.name not in loaded]
         fitted = [r.path or r.name for r in kept if not r.held_out]
-        logs = name_logs(result.robot, fitted)
         if of_key(result.hints, "currents"):  # every other verb would refuse these logs
-            return [command("gains", f"inspect {self.robot} {logs}")]
-        unseen = validate_options(r.path or r.name for r in kept if r.held_out)
-        judge = f"analyze {self.robot} {logs}{unseen} --report report.html --json analyze.json"
+            return [command("gains", f"inspect {self.robot} {name_logs(result.robot, fitted)}")]
+        unseen = [r.path or r.name for r in kept if r.held_out]
+        if not unseen and len(fitted) > 1:  # analyze holds the last one out
+            *fitted, last = fitted
+            unseen = [last]
+        logs = f"{name_logs(result.robot, fitted)}{validate_options(unseen)}"
+        judge = f"analyze {self.robot} {logs} --report report.html --json analyze.json"
         return [command("analyze", judge)]
 
     def ledger(self) -> tuple[Table, ...]:

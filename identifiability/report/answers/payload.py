@@ -83,9 +83,8 @@ class LoadPresenter(AnsweringPresenter):
             times, unit = _shown_unit(q)
             value = measured(times * q.value, times * q.sigma, unit) if q.told else NONE
             word = result[q.name].verdict
-            bounded = not q.told and q.low == 0 and np.isfinite(q.high)
             ends = _bound_cell(q.high, unit)
-            if not bounded:
+            if not _is_bounded(q):
                 ends = span_cell(times * q.low, times * q.high, unit)
             rows.append((q.name, value, ends, Cell(word, word, q.why, word)))
         return (make_table("load", rows, caption=sentence("payload.tables", part)),)
@@ -100,6 +99,17 @@ class LoadPresenter(AnsweringPresenter):
 def _shown_unit(quantity: Quantity) -> tuple[float, str]:
     """Return the factor and unit in which a quantity is shown: positions in mm."""
     return (1e3, "mm") if quantity.unit == "m" else (1.0, quantity.unit)
+
+
+def _is_bounded(q: Quantity) -> bool:
+    """Return whether only an upper limit of a quantity is known."""
+    return bool(not q.told and q.low == 0 and np.isfinite(q.high))
+
+
+def _state_bound(q: Quantity) -> str:
+    """Return the name of a quantity, with its upper limit if only this is known."""
+    bound = sentence("payload.known", "bound", name=q.name, high=q.high, unit=q.unit)
+    return bound if _is_bounded(q) else q.name
 
 
 def _bound_cell(high: float, unit: str) -> Cell:
@@ -144,8 +154,9 @@ def _answer_load(result: Load) -> Answer:
         nothing = np.isfinite(result.mass.sigma)
         text = sentence("payload.load", "entered") if nothing else ""
         return Answer(question, result.answer, text, "amber")
+    interval = sentence("payload.load", "interval", low=result.mass.low, high=result.mass.high)
     doubtful = result.scale.contradicts
-    tone, text = ("amber", sentence("payload.scale", "check")) if doubtful else ("blue", "")
+    tone, text = ("amber", sentence("payload.scale", "check")) if doubtful else ("blue", interval)
     return Answer(question, result.answer, text, tone, more=_state_readings(result))
 
 
@@ -164,26 +175,14 @@ def _answer_known(result: Load) -> Answer:
     """Return the centre of the load, and its quantities that are not identifiable."""
     about = "payload.known"
     centre = result.quantities[1:4]
-    count = len(result.quantities)
-    unknown = [q for q in result.quantities if not q.told]
+    unknown = [_state_bound(q) for q in result.quantities if not q.told]
     tone = "blue" if all(q.told for q in centre) else "amber"
-    reasons = _state_reasons(result)
-    found = count - len(unknown)
-    text = sentence(about, "lost", count=count, found=found, reasons=reasons) if unknown else ""
+    text = sentence(about, "lost", names=unknown) if unknown else ""
     told = [q for q in centre if q.told]
     part = {0: "open", len(centre): "centre"}.get(len(told), "some")
     at = ", ".join(measured(1e3 * q.value, 1e3 * q.sigma) for q in told)
     names = [q.name for q in told]
     return answer(about, part, text, tone, at=at, names=names, body=result.body)
-
-
-def _state_reasons(result: Load) -> str:
-    """Return why quantities are not identifiable, each reason with its quantities."""
-    names: dict[str, list[str]] = {}
-    for q in result.quantities:
-        names.setdefault(q.why, []).append(q.name)
-    each = (sentence("payload.known", "reason", why=w, names=n) for w, n in names.items() if w)
-    return "; ".join(each)
 
 
 def _answer_trust(result: Load) -> Answer:

@@ -13,7 +13,7 @@ from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import LEVEL, digits, format_number, join
+from identifiability.foundation.rounding import LEVEL, digits, join
 from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
 
@@ -30,7 +30,6 @@ from .common import (
     hint_note,
     join_sentences,
     sentence,
-    state_reserved,
 )
 from .tables import add_units, make_table
 
@@ -66,9 +65,9 @@ class TorquePredictionPresenter(PredictingPresenter):
         error, rms = self.result.error_frame()[["error", "rms"]].to_numpy(float).T
         return self.result.error_ra, error, rms
 
-    def reserved(self) -> str:
-        """Return where a reader finds the reservation; empty if trust is an unreserved yes."""
-        return state_reserved(_answer_intervals(self.result))
+    def reserved(self) -> bool:
+        """Return whether trust is no unreserved yes."""
+        return _answer_intervals(self.result).tone != "green"
 
     def noise(self) -> Array:
         """Return the noise of each joint's torque; nan where torque was computed."""
@@ -232,11 +231,13 @@ class PositionPredictionPresenter(AnsweringPresenter):
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm; where all are alike, one of all joints."""
         result = self.result
-        rows = [(row.pop("joint"), *row.values()) for row in self.frame().to_dict("records")]
-        units = [unit for unit, joints in result.kinds.items() if joints.any()]
+        names = [*result.robot.joints]
+        errors = np.array([run.errors for run in result.runs])
+        units = _list_units(result)
         if len(units) == 1:
-            rows.append((sentence("diagnosis.missing", "everywhere"), *result.totals))
-        rows = [(joint, *(1e3 * np.array(errors))) for joint, *errors in rows]
+            names.append(sentence("diagnosis.missing", "everywhere"))
+            errors = np.column_stack([errors, result.totals])
+        rows = zip(names, *(1e3 * errors), strict=True)
         more = [Column(f"error of {run.name}", digits(3)) for run in result.runs]
         return (make_table("rollout", rows, more=more, unit=" or ".join(units)),)
 
@@ -283,10 +284,8 @@ def _state_runs(result: PositionPrediction) -> str:
     about = "rollout.errors"
     each = []
     for run, total in zip(result.runs, result.totals, strict=True):
-        late = 1e3 * float(np.median(run.delays))
-        part = "late" if late else "error"
-        part = part if np.isfinite(total) else "diverges"
-        error = sentence(about, part, size=_state_size(result, run.errors), late=late)
+        part = "error" if np.isfinite(total) else "diverges"
+        error = sentence(about, part, size=_state_size(result, run.errors))
         each.append(f"{run.name} {error}")
     return ", ".join(each[::-1])
 
@@ -314,9 +313,15 @@ def state_span(result: PositionPrediction) -> str:
     return sentence("rollout.errors", part, window=WINDOW, logs=logs)
 
 
-def find_worst(result: PositionPrediction, errors: Array) -> int:
-    """Return the joint with the largest of some errors (n,) [rad or m]."""
-    return int(np.where(result.alike, np.nan_to_num(errors), -1.0).argmax())
+def find_worst(result: PositionPrediction) -> int:
+    """Return the joint that errs most in any robot."""
+    errors = np.nan_to_num(np.max([run.errors for run in result.runs], axis=0))
+    return int(np.where(result.alike, errors, -1.0).argmax())
+
+
+def _list_units(result: PositionPrediction) -> list[str]:
+    """Return the units of errors times 1000, of joints that turn and that slide."""
+    return [unit for unit, joints in result.kinds.items() if joints.any()]
 
 
 def _answer_positions(result: PositionPrediction) -> Answer:
@@ -324,36 +329,26 @@ def _answer_positions(result: PositionPrediction) -> Answer:
     about = "rollout.errors"
     totals = result.totals
     short = f"{_state_runs(result)}."
-    parts = [state_span(result)]
-    order = np.argsort(totals)
-    near, far = (result.runs[k] for k in (order[0], order[-1]))
-    sizes = {"size": _state_size(result, near.errors), "other": _state_size(result, far.errors)}
-    apart = totals.max() > (1 + VISIBLE) * totals.min() > 0
-    if apart and sum(joints.any() for joints in result.kinds.values()) == 1:
-        times = totals.max() / totals.min()
-        short = sentence(about, "nearer", near=near.name, far=far.name, times=times, **sizes)
-        worst = find_worst(result, near.errors)
-        size = f"{format_number(1e3 * near.errors[worst], 3, pad=True)} {result.unit}"
-        parts.append(sentence(about, "most", joint=result.robot.joints[worst], size=size))
-        delays = [f"{1e3 * np.median(x.delays):.3g} ms ({x.name})" for x in (near, far)]
-        parts += [sentence(about, "delays", delays=delays)] if any(near.delays) else []
+    late = [f"{1e3 * np.median(run.delays):.3g} ms ({run.name})" for run in result.runs]
+    delays = sentence(about, "delays", late=late) if any(map(has_commands, result.logs)) else ""
+    text = state_span(result) + delays
+    least, most = totals.min(), totals.max()
+    if most > (1 + VISIBLE) * least > 0 and len(_list_units(result)) == 1:
+        near, far = (result.runs[k] for k in np.argsort(totals))
+        sizes = {"size": _state_size(result, near.errors), "other": _state_size(result, far.errors)}
+        names = {"near": near.name, "far": far.name, "times": most / least}
+        short = sentence(about, "nearer", **names, **sizes)
     tone = "green" if _moves_better(result) else "blue" if len(totals) == 1 else "amber"
-    return Answer(sentence(about, "question"), short, join_sentences(*parts), tone)
+    return Answer(sentence(about, "question"), short, text, tone)
 
 
 def _answer_motion(result: PositionPrediction) -> Answer:
     """Return whether the motion of a fitted robot may be trusted."""
     about = "rollout.trust"
     lag = result.from_commands
-    commanded = np.isfinite(lag[result.alike]).all()
-    text = sentence(about, "lag", lag=_state_size(result, lag)) if commanded else ""
+    text = sentence(about, "lag", lag=_state_size(result, lag)) if np.isfinite(lag).all() else ""
     grave = first_sentence(*(x for x in result.hints if hint_note(x).level == "warning"))
-    part = "no"
-    if _moves_better(result):
-        part = "yes" if result.unseen else "fitted"
-        part = "lags" if commanded and not result.follows else part
-        part = "care" if grave else part
-    elif not np.isfinite(result.totals[-1]):
-        part = "diverges"
+    part = "care" if grave else "yes" if result.unseen else "fitted"
+    part = part if _moves_better(result) else "no"
     logs = [log.name for log in result.logs]
     return answer(about, part, text, logs=logs, file=result.runs[0].name, first=grave)

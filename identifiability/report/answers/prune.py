@@ -58,12 +58,15 @@ class LadderPresenter(LadderedPresenter):
         why, rule = _state_choice(result) if used < size else ("", "")
         known = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
-        near = sentence("pruning.choice", "used", error=chosen.error_ra_validation)
-        near = near if chosen.physical_used else state_nearest(chosen)
-        text = join_sentences(why, _state_dropped(result), known, signs, near)
-        tone = "green" if is_nearly_real(chosen) else "amber"
+        near = sentence("pruning.choice", "used", error=chosen.unseen_by(0))
+        if not chosen.physical_used:
+            near, rule = "", join_sentences(rule, state_nearest(chosen))
+        lacks = result.missing.statement
+        again = sentence(about, "again") if lacks else ""
+        text = join_sentences(why, _state_dropped(result), known, signs, again)
+        tone = "green" if is_nearly_real(chosen) and not lacks else "amber"
         found = answer(about, part, text, tone, size=size, used=used, cost=_state_cost(result))
-        return replace(found, more=rule)
+        return replace(found, more=join_sentences(near, rule))
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and whether the choice is stable."""
@@ -95,11 +98,11 @@ def _state_choice(result: Ladder) -> tuple[str, str]:
 
 
 def _state_cost(result: Ladder) -> str:
-    """Return the error of the estimates on unseen motion, and that of the full model's.
+    """Return the error on unseen motion of the values to use, and that of the full model's.
 
     Nothing if unknown. Larger models have no physically consistent values to compare.
     """
-    error = result.chosen.unseen_by(0)
+    error = result.chosen.error_ra_validation
     if not np.isfinite(error):
         return ""
     size = len(result.full)
