@@ -54,7 +54,7 @@ def biased_places(robot: Robot, kind: Kind) -> tuple[str, ...]:
 @lru_cache(maxsize=8)
 def _stated(robot: Robot, families: tuple[Family, ...], kind: Kind) -> tuple[Parameter, ...]:
     """Return the parameters that a file of a robot can state."""
-    axes = {*robot.tree.single, *(robot.tendon_axes if kind == "mjcf" else ())}
+    axes = {*robot.tree.single, *(robot.mixed_axes if kind == "mjcf" else ())}
     # A body, a joint and the base may have one name.
     inertial = product(robot.bodies, INERTIAL_KINDS)
     of_axes = product(axes, joint_numbers(kind))
@@ -89,7 +89,7 @@ def values_in_file(
         stated |= values.keys() - merge_springs(robot, values)[1].keys()
     out = {name: value if name in stated else 0.0 for name, value in values.items()}
     held = biased_places(robot, kind)
-    for joint in (*robot.tree.single, *robot.tendon_axes):
+    for joint in (*robot.tree.single, *(robot.mixed_axes if kind == "mjcf" else ())):
         ways = [f"{joint}.{kind}" for kind in ("Fc+", "Fc-") if f"{joint}.{kind}" in values]
         mean = 0.5 * sum(values[name] for name in ways)
         out |= {name: values[name] if joint in held else mean for name in ways}

@@ -733,9 +733,14 @@ class Description(Stated):
 
     @cached_property
     def tendon_axes(self) -> Strings:
+        """Return the axes of several joints whose numbers the robot's file can state as tendons."""
+        return self.mixed_axes if self.mjcf else self.tendons
+
+    @cached_property
+    def mixed_axes(self) -> Strings:
         """Return the axes of several joints whose numbers an MJCF can state as tendons."""
-        own = (axis.name for axis in self.axes if axis.mixed and self.mjcf)
-        return tuple(dict.fromkeys((*self.tendons, *own)))
+        mixed = (axis.name for axis in self.axes if axis.mixed)
+        return tuple(dict.fromkeys((*self.tendons, *mixed)))
 
     def _axis(self, name: str, weights: NumberByName) -> Axis:
         inside = weights.keys() <= {*self.joints}

@@ -209,15 +209,17 @@ def _write_native(
         Of the sidecar, without the values that the file does not have.
     comment : str
     """
-    nominal = _values_beside(robot, values)
+    alone = read_back(robot, values)
+    nominal = _values_beside(robot, values, alone)
     rest = {} if robot.mjcf else _rests(robot, values)
     tables = {"nominal": nominal, **tables, "rest": rest}
     bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
     stated = stated_numbers(robot, values)
     sidecar = write_robot(robot, path, bodies, stated, tables, comment)
+    # The file has the sum of rotors, and of dry friction with levels that it reaches.
     parts = robot.inertia_parts if robot.mjcf else ()
-    # The file has the sum of rotors.
-    lost = tuple(name for name in nominal if name.rpartition(".")[2] not in parts)
+    summed = {n for n in nominal if n.rpartition(".")[2] in parts or alone.get(n)}
+    lost = tuple(name for name in nominal if name not in summed)
     return Written(path, sidecar, lost)
 
 
@@ -229,9 +231,10 @@ def _convert(robot: Robot, path: Path) -> Robot:
     return converted.turned(robot.gravity)
 
 
-def _values_beside(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values that the robot file alone does not have."""
-    alone = read_back(robot, values)
+def _values_beside(
+    robot: Robot, values: Mapping[str, float], alone: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the values that the robot file alone, with its own values, does not have."""
     beside = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
     if robot.mjcf and robot.known_servo is not None:  # whose rotors the file has for its own step
         exact = {f"{joint}.{part}" for joint in robot.joints for part in robot.inertia_parts}

@@ -12,6 +12,7 @@ from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.robot.description import name_numbers
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.workflows.export import write_parameters
 
 #: All that the simulated arm has, and the drag: nothing is missing beside them.
 EFFECTS = ("rigid_body", "actuator_inertia", "viscous_friction", "coulomb_friction", "cubic_drag")
@@ -113,3 +114,13 @@ def test_what_a_file_states_of_a_parameter_is_read_as_that_parameter(robot):
             first = f"{p.owner}.{robot.inertia_parts[0]}"  # it has a rotor's sum
             name = f"{p.owner}.Fc" if family.name == "hysteresis" else p.name  # beyond its ways
             assert read.get(first if p.stated_as == "armature" else name, 0.0) == held
+
+
+def test_an_mjcf_has_friction_of_coupled_motors_also_where_a_level_adds_to_it(tmp_path):
+    side = tmp_path / "coupled.toml"
+    side.write_text('[transmission]\nmotors = ["a", "b"]\ncoupling = [[1, 0], [1, 1]]\n')
+    robot = Robot.load("two-link", side)
+    values = {"b.Fc": 3.0, "b.H1": 1.0}
+    written = write_parameters(robot, values, tmp_path / "new.xml", shapes={"b.hysteresis": 0.1})
+    assert values_in_file(robot, values, "mjcf") == values
+    assert written.beside == ("b.H1",)
