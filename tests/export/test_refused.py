@@ -55,8 +55,9 @@ def test_a_file_that_errs_more_on_the_fitted_logs_is_refused(runs, tmp_path):
     export(robot, path, tmp_path / "sound.xml")
     content = json.loads(path.read_text("utf-8"))
     content["physical"]["error_ra_given_files"]["mjcf"] = 0.9 * stated["error_ra_files"]["mjcf"]
+    content["physical"]["parameters"]["elbow.Fs"] = 1.0
+    content["parameters"].append({"name": "elbow.Fs", "torque_share": 0.5})
     path.write_text(json.dumps(content), "utf-8")
-    with pytest.raises(
-        IdentifiabilityError, match=r"On the fitted logs refused\.xml alone errs by"
-    ):
+    why = r"On the fitted logs refused\.xml alone errs by .* is Stribeck friction \(elbow\.Fs\)"
+    with pytest.raises(IdentifiabilityError, match=why):
         export(robot, path, tmp_path / "refused.xml")

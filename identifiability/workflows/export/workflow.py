@@ -27,6 +27,7 @@ from identifiability.effects.vocabulary import (
     merge_springs,
     read_back,
     stated_numbers,
+    values_in_file,
 )
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.prediction import predict as predict_torque
@@ -376,8 +377,10 @@ def export(
         robot, given = with_springs(robot, content.bending)
     # Errors of the result are those of rigid joints.
     rises = () if bent else _state_rises(own, content, wanted, out.name)
+    lost = _state_lost(robot, content, given, wanted, out.name)
     if rises and not force:
-        raise IdentifiabilityError(phrase("exported", "errs_more", rises=" ".join(rises)))
+        why = " ".join(filter(None, (*rises, lost)))
+        raise IdentifiabilityError(phrase("exported", "errs_more", rises=why))
     write = _prepare_writing(robot, content, given)
     unseen = None
     if list_logs(validate):
@@ -387,7 +390,8 @@ def export(
             said += check_reading(read_fit(result, own), validate)
         if unseen.totals[1] > unseen.totals[0] and not force:
             errors = phrase("exported", "worse", told=unseen.told, file=out.name)
-            raise IdentifiabilityError(" ".join([*of_key(said, "reading_contradicted"), errors]))
+            said = (*of_key(said, "reading_contradicted"), errors, lost)
+            raise IdentifiabilityError(" ".join(filter(None, said)))
     found = _describe(robot, content, given, write(out), wanted, unseen)
     found = replace(found, notes=(*said, *rises, *found.notes))
     if bent:
@@ -440,6 +444,33 @@ def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> t
         both = {"file": name, "new": new, "own": robot.path.name, "before": before}
         said.append(phrase("errs_more", rows, **both))
     return tuple(said)
+
+
+def _state_lost(
+    robot: Robot, content: ResultEntry, given: Mapping[str, float], kind: Kind, name: str
+) -> str:
+    """Return the parameter of the largest torque that a file cannot hold, and the next step.
+
+    Nothing where the file holds all of them: then its bodies differ from those of the logs.
+
+    Parameters
+    ----------
+    robot, content
+    given : mapping
+        Standard parameters that are to be written.
+    kind : {"mjcf", "urdf"}
+    name : str
+        Of the file.
+    """
+    held = values_in_file(robot, given, kind)
+    shares = {row["name"]: row.get("torque_share") or 0.0 for row in content.parameters}
+    lost = [n for n in shares if given.get(n) and not held[n]]
+    if not lost:
+        return ""
+    most = max(lost, key=shares.__getitem__)
+    part = "lost_in_urdf" if values_in_file(robot, given, "mjcf")[most] else "lost_in_any"
+    (effect,) = by_effect(robot, [most], content.physical.shapes)
+    return phrase("exported", part, file=name, effect=effect, name=most)
 
 
 def _prepare_writing(
