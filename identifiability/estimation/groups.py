@@ -506,6 +506,11 @@ def describe_term(term: Term) -> str:
     return title if term.group.place == BASE else f"{title} in {place_of(term)}"
 
 
+def _name_term(term: Term) -> str:
+    """Return a group and its likeliest rivals in words."""
+    return " or ".join(map(describe_term, (term, *term.rivals[:3])))
+
+
 @frozen
 class Share:
     """Contribution of a group to the torque, if the group is present.
@@ -608,7 +613,7 @@ class MissingEffects:
             return ""
         first = sure[0]
         probability = state_probability(first.odds + min(first.unseen, 0.0))
-        most = f"{describe_term(first)} ({probability})"
+        most = f"{_name_term(first)} ({probability})"
         if len(sure) == 1:
             return f"the model lacks {most}"
         return f"the model lacks {len(sure)} effects, above all {most}"

@@ -147,6 +147,8 @@ class Term:
         What it gains on rows that were held out. It warns and refutes, and is not used for choices.
     places : tuple of str
         Of a family everywhere: the places whose torque shows it; `EVERYWHERE` for all of them.
+    rivals : tuple of Term
+        Names that explain the same about as well.
     """
 
     group: Group
@@ -155,6 +157,7 @@ class Term:
     odds: float
     unseen: float = 0.0
     places: tuple[str, ...] = (EVERYWHERE,)
+    rivals: tuple[Term, ...] = ()
 
     @property
     def columns(self) -> np.ndarray:
@@ -474,8 +477,8 @@ class MixedModel:
         """Return terms with the member, size and odds that each has given the others."""
         for k, term in enumerate(terms):
             (again,) = self.gains(without(terms, k), [term.group])
-            again = replace(again, unseen=term.unseen, places=term.places)
-            terms = (*terms[:k], again, *terms[k + 1 :])
+            new = {"member": again.member, "variance": again.variance, "odds": again.odds}
+            terms = (*terms[:k], replace(term, **new), *terms[k + 1 :])
         return terms
 
     def search(self, most: int = 12) -> Terms:

@@ -186,6 +186,14 @@ def list_alternatives(judged: Judged, k: int) -> tuple[float, Terms]:
     return odds, tuple(t for t in others if _may_rival(t.group, term.group))
 
 
+def find_rivals(judged: Judged, k: int) -> Terms:
+    """Return the names that explain about as much as a term; no function rivals a name."""
+    odds, others = list_alternatives(judged, k)
+    unnamed = judged.terms[k].group.unnamed
+    near = (t for t in others if t.odds > odds - RULES.rival)
+    return tuple(t for t in near if unnamed or not t.group.unnamed)
+
+
 def further_gains(search: Search, terms: Terms) -> Terms:
     """Return the log odds of groups that are neither among some terms nor parts of them."""
     contained = {part.key for t in terms for part in _parts_of(search, t.group)}
@@ -496,7 +504,7 @@ def find_missing(
     if known is not None:
         return _conclude_known(Search(missing.under(known.noise)), known)
     judged = name_terms(Search(missing, None if unseen is None else Excerpt.of(unseen)))
-    terms = tuple(_at_places(judged, term) for term in judged.terms)
+    terms = tuple(_at_places(judged, k) for k in range(len(judged.terms)))
     return _conclude(judged.search, terms)
 
 
@@ -507,8 +515,9 @@ def _conclude_known(search: Search, known: MissingEffects) -> MissingEffects:
     return _conclude(search, search.model.update_terms(tuple(lacking)))
 
 
-def _at_places(judged: Judged, term: Term) -> Term:
-    """Return a term of a family everywhere with its places, where only some of them show it."""
+def _at_places(judged: Judged, k: int) -> Term:
+    """Return a term with its rivals, and with its places where only some of them show it."""
+    term = replace(judged.terms[k], rivals=find_rivals(judged, k))
     family, place = term.key
     every = {place for name, place in judged.search.missing.sets if name == family} - {EVERYWHERE}
     sure = judged.places[term.key]

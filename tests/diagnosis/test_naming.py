@@ -61,6 +61,11 @@ def test_both_verbs_name_a_scale_beside_stronger_friction(diagnosis_of, named, l
     assert "a wrong scale of the torque in elbow." in found.details
 
 
+def test_analyze_says_which_names_explain_as_much(logs_of):
+    found = analyze("scara", logs_of("scara", "joint_stiffness@shoulder=0.05"), replicates=0)
+    assert " or spring with an unknown rest in " in found.missing.statement
+
+
 def test_a_name_that_is_far_less_probable_than_another_is_replaced(logs_of, named, monkeypatch):
     def stop_early(model):
         of_elbow = [g for g in model.groups if g.key == ("torque_offset", "elbow")]

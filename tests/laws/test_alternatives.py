@@ -12,7 +12,7 @@ from identifiability.estimation.noise import LaggedProducts, whiten, whitening_f
 from identifiability.foundation.rounding import state_probability
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report.results import answer_first
-from identifiability.simulation import PrescribedMotion, random_trajectory, shipped_trajectory
+from identifiability.simulation import random_trajectory
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.predict import read_fit
 
@@ -83,20 +83,13 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     assert {row["verdict"] for row in replaced} == {"sign only"}
 
 
-def test_friction_that_nobody_named_makes_no_friction_label_sure():
-    robot = Robot.load("two-link")
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 1000)
-    frame = simulate(robot, motion, noise=Noise(torque=0.0), rng=default_rng(0)).to_frame()
-    load = frame["elbow.tau"].abs() * np.sign(frame["elbow.dq"])
-    for k, joint in enumerate(robot.joints):
-        size = 0.03 * frame[f"{joint}.tau"].std()
-        noise = ar1((len(frame), 1), 0.5, default_rng([1, k]))
-        frame[f"{joint}.tau"] += size * noise[:, 0]
-    frame["elbow.tau"] += 0.015 * load
-    found = analyze(robot, frame, "none", replicates=0)
+def test_friction_that_nobody_named_makes_no_friction_label_sure(logs):
+    frame = logs(0.5, 2).to_frame()
+    frame["elbow.tau"] += 0.015 * frame["elbow.tau"].abs() * np.sign(frame["elbow.dq"])
+    found = analyze("two-link", frame, "none", replicates=0)
     assert found.missing.functions == ()
     low, high = found["elbow.Fc"].interval
-    assert low < robot.nominal["elbow.Fc"] < high
+    assert low < found.robot.nominal["elbow.Fc"] < high
 
 
 def test_a_sign_that_physics_forbids_is_in_doubt_however_certain(logs):

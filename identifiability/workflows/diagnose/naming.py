@@ -33,6 +33,7 @@ from identifiability.estimation.search import (
     Judged,
     Search,
     find_candidates,
+    find_rivals,
     further_gains,
     list_alternatives,
     name_terms,
@@ -378,13 +379,12 @@ def _write_term(judged: Judged, k: int) -> Iterator[Part]:
     odds, others = list_alternatives(judged, k)
     unnamed = term.group.unnamed
     named = [t for t in others if not t.group.unnamed]
-    rivals = [t for t in (others if unnamed else named) if t.odds > odds - RULES.rival]
     nearest = [t for t in named if unnamed and t.group.place == term.group.place]
     weight = float(softmax([odds, *(t.odds for t in others)])[0])
     for c in find_candidates(search, judged.terms, k):
         if c.place in places:
             gains = places[c.place], judged.unseen.get(term.key, np.nan)
-            yield Part(c, term, *gains, tuple(rivals), weight, tuple(nearest[:3]))
+            yield Part(c, term, *gains, find_rivals(judged, k), weight, tuple(nearest[:3]))
 
 
 def _values_of(model: MixedModel, terms: Terms, k: int) -> tuple[Array, Array]:
