@@ -1,5 +1,6 @@
 """A label says what it stands for: on the shipped closed chain no number bears a wrong name."""
 
+from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -10,6 +11,7 @@ from identifiability.foundation.findings import of_key
 from identifiability.foundation.rounding import format_measured
 from identifiability.workflows import case
 from identifiability.workflows.analyze import judge
+from identifiability.workflows.analyze.workflow import say_unequal
 
 #: Whose friction the file states as it was planted.
 SLIDERS = [f"slider{k}.Fv" for k in (1, 2, 3)]
@@ -27,12 +29,13 @@ def found(request, tmp_path_factory):
 
 def test_an_interval_holds_what_was_planted_wherever_a_sign_is_certain(found):
     planted = Robot.load("3-rps").nominal
-    held = {}
-    for v in found.chosen.verdicts:
-        if v.name in SLIDERS and v.verdict.value != "not identifiable":
-            held[v.name] = v.interval95[0] <= planted[v.name] <= v.interval95[1]
-    assert held
-    assert all(held.values())
+    sliders = [
+        v
+        for v in found.chosen.verdicts
+        if v.name in SLIDERS and v.verdict.value != "not identifiable"
+    ]
+    assert sliders
+    assert all(v.interval95[0] <= planted[v.name] <= v.interval95[1] for v in sliders)
 
 
 def test_a_mass_that_an_offset_of_its_slider_could_be_is_identifiable_without_it(found):
@@ -40,6 +43,13 @@ def test_a_mass_that_an_offset_of_its_slider_could_be_is_identifiable_without_it
     assert "if slider3 has no torque offset" in reasons["leg3_upper.m"]
     assert "leg3_upper.m (slider3)" in of_key(found.hints, "excluded_offsets")[0]
     assert "prune(" not in found.next()[0][1]
+
+
+def test_a_value_many_times_that_of_equal_joints_is_questioned(found):
+    verdicts = {v.name: v for v in found.chosen.verdicts}
+    verdicts["slider2.Fv"] = replace(verdicts["slider2.Fv"], value=1e5)
+    (said,) = say_unequal(found.robot, Mock(verdicts=verdicts.values()))
+    assert said.startswith("slider2.Fv is ")
 
 
 def test_an_offset_of_the_model_needs_no_second_one(monkeypatch):

@@ -68,7 +68,7 @@ class Rules(RuleTable):
         float, "error over each joint's mean over that over one, that is said, by hand"
     ] = 1.3
     contradicted: Annotated[
-        float, "a body of the file is contradicted at so many standard errors, by hand"
+        float, "standard errors that contradict a body of the file; times its equals, by hand"
     ] = 5.0
     rollout_contradicted: Annotated[
         float, "error of the best rollout where gains contradict it, calibrated"

@@ -20,6 +20,7 @@ from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.groups import MissingEffects
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction, Task, predict_all
+from identifiability.estimation.rules import RULES
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
@@ -42,6 +43,7 @@ from identifiability.logs.spectrum import Band
 from identifiability.physical.cad_prior import resolve_prior
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.quality.recordings import Logs
+from identifiability.reading.candidates import list_legs
 from identifiability.regression.reduction import (
     LadderLike,
     LadderSource,
@@ -100,7 +102,8 @@ def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[
     entry = move_mounting(data.robot, sure)
     moved = Finding("imu_moved", entry=entry) if entry else ""
     apart = compare_logs(data.samples, result, missing)
-    return [*filter(None, (moved, say_excluded_offsets(result), apart))]
+    found = moved, say_excluded_offsets(result), apart, *say_unequal(data.robot, result)
+    return [*filter(None, found)]
 
 
 def say_excluded_offsets(result: ModelResult) -> Finding | str:
@@ -109,6 +112,27 @@ def say_excluded_offsets(result: ModelResult) -> Finding | str:
     sure = (pair for pair in pairs if pair[1] and pair[0].verdict is Class.IDENTIFIABLE)
     names = [f"{v.name} ({join(joints)})" for v, joints in sure]
     return Finding("excluded_offsets", names=names) if names else ""
+
+
+def say_unequal(robot: Robot, result: ModelResult) -> Iterator[Finding]:
+    """Yield values that are many times those of joints that are equal by the robot file.
+
+    Their intervals have nothing in common. Joints of equal legs with equal values are equal.
+    """
+    known = {v.name: v for v in result.verdicts if not v.open}
+    for joints in zip(*list_legs(robot), strict=True):
+        for kind in ("Ia", "Fc", "Fv"):
+            names = [f"{robot.joints[k]}.{kind}" for k in joints]
+            stated = {robot.nominal.get(name, 0.0) for name in names}
+            legs = [known[name] for name in names if name in known]
+            if len(legs) < 3 or len(stated) > 1:
+                continue
+            for v in legs:
+                others = [x for x in legs if x is not v]
+                usual = float(np.median([x.value for x in others]))
+                apart = v.interval95[0] > max(x.interval95[1] for x in others)
+                if apart and v.value > RULES.contradicted * usual:
+                    yield Finding("unequal", name=v.name, value=v.value, others=usual)
 
 
 def say_delays(robot: Robot, missing: MissingEffects) -> Iterator[Finding]:
