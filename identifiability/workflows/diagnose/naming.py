@@ -677,12 +677,13 @@ def _beside_model(
     weights : (s, P)
     """
     solution, own = model.plain, products[:, at]
-    others = own[:, :, [*range(model.fixed), -1]]
-    both = ((weights**2, own[:, :, at]), (weights, others))
-    S, P = (np.tensordot(w, x, 1) for w, x in both)
-    part = np.einsum("ij,wkj->iwk", solution.root, P[:, :, :-1], optimize=True)
-    along = np.einsum("iwk,iwl->wkl", part, part, optimize=True)
-    return S, along, P[:, :, -1] - np.einsum("iwk,i->wk", part, solution.half)
+    # Parts of time are fewer than changes, so the model's root turns them before they are added up.
+    turned = own[:, :, : model.fixed] @ solution.root.T
+    acts = np.flatnonzero(turned.any((0, 1)))
+    S = np.tensordot(weights**2, own[:, :, at], 1)
+    along = np.tensordot(weights, turned[:, :, acts], 1)
+    left = np.tensordot(weights, own[:, :, -1], 1) - along @ solution.half[acts]
+    return S, along @ along.transpose(0, 2, 1), left
 
 
 def _odds_of_stay(
