@@ -610,8 +610,9 @@ def test_progress_of_rollouts_moves_forward(unstated, arm, frames):
     assert shares[-1] < 0.6
 
 
+@pytest.mark.parametrize("verb", [analyze, diagnose])
 def test_a_first_answer_stays_if_the_user_stops_the_whole_one(
-    arm, unstated, frames, tmp_path, monkeypatch
+    arm, unstated, frames, tmp_path, monkeypatch, verb
 ):
     monkeypatch.setattr("identifiability.servos.windows.LONG", 6.0)
     answers = []
@@ -622,7 +623,7 @@ def test_a_first_answer_stays_if_the_user_stops_the_whole_one(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        analyze(unstated, frames[0], validate="none", first=stop)
+        verb(unstated, frames[0], frames[1], first=stop)
     assert_allclose(answers[0].loc[[*arm.joints], "kp"], arm.servo.kp, rtol=0.05)
     page = (tmp_path / "page.html").read_text()
     assert "from 3 s of the 8 s of logs" in page

@@ -85,7 +85,7 @@ def run(said: dict[str, Any], verb: str, write: str = "", **options: Any) -> tup
 
         with loading():
             function = getattr(library, verb)
-        if verb == "analyze" and outputs.report is not None:
+        if verb in ("analyze", "diagnose") and outputs.report is not None:
             how["first"] = outputs.write_first
         result = function(machine.load(), *given, **said, **how)
         files = [(partial(getattr(result, write), **options), out)] if write else []

@@ -31,7 +31,7 @@ from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Effects, Seed, checked
-from identifiability.foundation.runs import Progress, Run, quiet
+from identifiability.foundation.runs import First, Progress, Run, quiet
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
@@ -56,7 +56,7 @@ from identifiability.regression.structure import Structure, count_offsets
 from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.workflows.analyze.judge import assess_ladder, select_model
 from identifiability.workflows.analyze.ladder import compute_ladder
-from identifiability.workflows.analyze.workflow import say_band
+from identifiability.workflows.analyze.workflow import SERVOS, say_band
 from identifiability.workflows.case import (
     Case,
     Data,
@@ -118,6 +118,7 @@ def diagnose(
     bending: bool = False,
     progress: Progress | None = None,
     engine: Engine | None = None,
+    first: First | None = None,
 ) -> Diagnosis:
     """Find disagreements of model and data, name missing effects, add and verify them.
 
@@ -153,6 +154,8 @@ def diagnose(
     progress : callable(str, float), optional
     engine : Engine, optional
         Where logs are prepared; here by default. The result does not depend on it.
+    first : callable(Result), optional
+        Called with a first answer from some windows of long logs of commands, as in `analyze`.
 
     Raises
     ------
@@ -162,7 +165,7 @@ def diagnose(
     find_families(effects)  # a misspelt name is refused before logs are read
     with one_thread():
         case = take_case(robot, logs, validate, preparation)
-        run = Run(progress or quiet, engine or Serial(), seed)
+        run = Run(progress or quiet, engine or Serial(), seed, first)
         fit, _ = read_given(fixed, case.robot)
         # Values that are kept belong to the reading of their logs.
         case = case if fit is None else case.with_(reading=fit.reading)
@@ -245,6 +248,8 @@ def _diagnose_logs(
         With torque of their servos; by default those of the case.
     """
     problem, data = pose_problem(case, request, run, recordings)
+    if data.recordings.commanded:
+        run = run.after(SERVOS)
     # Values that are kept are those of the file, and a wrong scale or sign is an effect.
     effects = () if data.misread and not request.keeps else request.effects
     found = name_effects(problem, effects, run, rng)
