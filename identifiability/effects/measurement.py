@@ -349,13 +349,16 @@ class FromJoint(Shaped):
     against="load",
     needs="coulomb_friction",
     loaded=True,
-    told_by="move one joint while the others stand still",
+    told_by="move both joints at once, and each while the other stands still",
 )
 class TorqueLeak(FromJoint):
     """``τ = c τ_other``: cross-talk of sensors and currents, cables that run through a joint.
 
     The leaking torque is computed from the robot file's values, because a measured one would bring
-    its noise into the column. Its shape is the number of the joint that it comes from.
+    its noise into the column. So it lacks friction and rotor of the other joint's motor. While that
+    joint stands, its weight is constant, and the leak looks like a torque offset. A screw, belt or
+    gear that couples two joints is no leak: state it as ``[transmission]``. Its shape is the number
+    of the joint that it comes from.
     """
 
     name = "torque_leak"

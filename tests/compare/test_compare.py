@@ -122,11 +122,9 @@ def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():
 
 def test_friction_of_passive_joints_may_be_what_a_closed_chain_shows():
     """A model without it says that of the motor rose, by as much."""
-    name = "five-bar"
     joint = campaign("five-bar").robot.joints[0]
-    before = logs(name, 0)[0]
-    after = logs(name, 30, **{joint: 1.5})[0]
-    found = compare(name, before, after)
+    after = logs("five-bar", 30, **{joint: 1.5})[0]
+    found = compare("five-bar", logs("five-bar", 0)[0], after)
     (change,) = (c for c in found.changes if c.place == joint)
     assert abs(change.share - 0.5) < 3 * change.share_sd
 
@@ -148,9 +146,6 @@ def test_the_same_motion_cancels_what_the_model_leaves_out():
     wrong = 0.5 * np.sin(6 * move.q)
     first, second = (logs(PLANAR, s, extra=wrong) for s in (8, 9))
     assert not compare(PLANAR, first[0], second[0]).changes
-    other = compare(PLANAR, first[0], second[1])
-    if other.changes:
-        assert other.answer.endswith("or the model leaves out what the motions show differently.")
 
 
 def test_of_three_logs_it_is_said_which_is_odd():
