@@ -692,7 +692,7 @@ def draw_ladder(
         axes.yaxis.set_minor_locator(NullLocator())
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)
     legend_above(axes)
-    label_axes(axes, "parameters kept", "relative torque error [%]")
+    label_axes(axes, "parameters kept [–]", "relative torque error [%]")
     return figure
 
 

@@ -72,17 +72,17 @@ def test_every_model_below_the_first_has_a_move_a_reason_and_fewer_parameters(pr
 
 def test_models_are_compared_by_their_estimates_and_those_as_likely_are_said(pruned):
     errors = pruned.ladder_frame()["error_ra_free"]
-    headline = pruned.answers()[0].short
+    headline = pruned.answers()[0].whole
     for name in (pruned.full.name, pruned.chosen.name):
         assert f"{100 * errors[name]:.2f}" in headline
-    assert any("of the probability" in n.text for n in pruned.cautions())
+    assert any("95 % probability" in n.text for n in pruned.cautions())
 
 
 def test_the_answer_says_by_which_rule_the_model_was_chosen(pruned):
     best = len(pruned.models[pruned.least])
     assert len(pruned.chosen) < best
     reason = pruned.answers()[0].whole
-    assert f"best, which has {best}." in reason
+    assert f"best model ({best} parameters)" in reason
     assert f"surely rises by less than {100 * LEVELS.rise:g} %" in reason.replace("\u00a0", " ")
 
 

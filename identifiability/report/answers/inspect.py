@@ -136,8 +136,7 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
         if least.room < math.radians(1.0):
             moving = "little"
         part = "no" if still else moving
-        why = sentence(about, "why")
-        yield answer(about, part, why, still=still, joint=least.joint, room=least.room)
+        yield answer(about, part, still=still, joint=least.joint, room=least.room)
 
 
 def _answer_columns(result: Inspection) -> Answer:

@@ -58,15 +58,14 @@ class LadderPresenter(LadderedPresenter):
         why, rule = _state_choice(result) if used < size else ("", "")
         known = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
-        near = sentence("pruning.choice", "used", error=chosen.unseen_by(0))
-        if not chosen.physical_used:
-            near, rule = "", join_sentences(rule, state_nearest(chosen))
+        near = "" if is_nearly_real(chosen) else state_nearest(chosen)
         lacks = result.missing.statement
         again = sentence(about, "again") if lacks else ""
-        text = join_sentences(why, _state_dropped(result), known, signs, again)
+        text = join_sentences(why, _state_dropped(result), known, signs, near, again)
         tone = "green" if is_nearly_real(chosen) and not lacks else "amber"
-        found = answer(about, part, text, tone, size=size, used=used, cost=_state_cost(result))
-        return replace(found, more=join_sentences(near, rule))
+        cost, compared = _state_cost(result)
+        found = answer(about, part, text, tone, size=size, used=used, cost=cost)
+        return replace(found, more=join_sentences(compared, rule))
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and whether the choice is stable."""
@@ -97,17 +96,21 @@ def _state_choice(result: Ladder) -> tuple[str, str]:
     return sentence("pruning.choice", "smallest", best=len(best)), rule
 
 
-def _state_cost(result: Ladder) -> str:
-    """Return the error on unseen motion of the values to use, and that of the full model's.
+def _state_cost(result: Ladder) -> tuple[str, str]:
+    """Return the error of the values to use on unseen motion, and how estimates compare.
 
-    Nothing if unknown. Larger models have no physically consistent values to compare.
+    Nothing if unknown. Only the estimates of two models compare: larger models have no physically
+    consistent values.
     """
-    error = result.chosen.error_ra_validation
+    about, chosen = "pruning.use", result.chosen
+    error = chosen.unseen_by(0)
     if not np.isfinite(error):
-        return ""
-    size = len(result.full)
-    full = result.full.unseen_by(0)
-    return sentence("pruning.use", "cost", error=error, size=size, full=full)
+        return "", ""
+    holes: dict[str, Any] = {"size": len(result.full), "full": result.full.unseen_by(0)}
+    if not chosen.physical_used:
+        return sentence(about, "cost", error=error, **holes), ""
+    used = sentence(about, "alone", error=chosen.error_ra_validation)
+    return used, sentence("pruning.choice", "used", error=error, **holes)
 
 
 def _state_dropped(result: Ladder) -> str:
