@@ -43,7 +43,7 @@ ALWAYS = ("reading", "commands", "assembly", "outside")
 EARLY = "Commands seem to act before their rows"
 #: Remarks that something is wrong, without a cause.
 HEDGED = re.compile(
-    "The logs .* disagree: |The cut-off of |Below the cut-off of |.* from t = .* farther"
+    ".* disagree on |The cut-off of |Below the cut-off of |.* from t = .* farther"
 )
 
 
