@@ -55,9 +55,10 @@ def roll_delayed(
     problem = RolloutProblem(machine, [window], nothing_varies, delay)
     x = problem.pack(machine.numbers(), delay or 0.0)
     if delay is None:
-        x = descend(problem, x).x
+        end = descend(problem, x)
+        return float(end.x[-1]), end.q[0]
     (q,) = problem.roll([x])[0]
-    return float(x[-1]), q
+    return delay, q
 
 
 def calibrate_torque(

@@ -141,17 +141,16 @@ def _screen(
     gain = 0.0 * x
     start = x.copy()
     for kind, size in _list_trials(problem, found, gains_alone):
-        at = problem.at(kind)
         by = problem.by.copy()
-        by[at] = size
+        by[problem.at(kind)] = size
+        at = np.setdiff1d(problem.at(kind), np.flatnonzero(problem.varied))
         moved = problem.linearise(x, at, by)[:, at]
         columns = _without(basis, weights[:, None] * moved)
         slope = columns.T @ residual / (np.linalg.norm(columns, axis=0) + 1e-300)
         # Play, limits and integral gains are not negative.
-        possible = ((slope < 0) | (kind == "kp")) & ~problem.varied[at]
-        likely = slope**2 * possible
+        likely = slope**2 * ((slope < 0) | (kind == "kp"))
         if kind in ("limit", "ki"):
-            start[at] = np.where(likely > gain[at], size, start[at])
+            start[at] = np.where(likely > gain[at], by[at], start[at])
         gain[at] = np.maximum(likely, gain[at])
     return Screening(gain, start, recording)
 

@@ -294,30 +294,37 @@ class RolloutProblem:
         ----------
         x : (p,)
         numbers : (k,) int, optional
-            Those that are varied; by default `varied`. Columns of others are zero.
+            Those that are varied; by default `varied` and all delays. Columns of others are zero.
         by : (p,), optional
             Differences, by default the usual ones.
         """
         by = self.by if by is None else by
         if numbers is None:
-            numbers = np.flatnonzero(self.varied[: self.bodies.stop])
+            every = self.varied.copy()
+            every[self.delays] = True
+            numbers = np.flatnonzero(every)
         positions = self._position_derivative(x, numbers, by)
         prior = self._prior_derivative(x, by)
         return np.vstack([positions.reshape(-1, len(x)), prior])
 
     def _position_derivative(self, x: Array, numbers: np.ndarray, by: Array) -> Array:
         """Return the derivative of positions in the judged rows by differences, (N, n, p)."""
-        groups = self._group_by_tree(numbers)
+        is_delay = numbers >= self.bodies.stop
+        groups = self._group_by_tree(numbers[~is_delay])
         steps = np.diag(by)
         moved = [x + steps[group].sum(0) for group in groups]
-        moved.append(x + steps[self.delays].sum(0))
+        if is_delay.any():
+            moved.append(x + steps[numbers[is_delay]].sum(0))
         rolled = self.roll([x, *moved], COARSE * STEP)
-        base, *others, late = [self.differences(q) for q in rolled]
+        base, *others = [self.differences(q) for q in rolled]
         J = np.zeros((*base.shape, len(x)))
-        for group, other in zip(groups, others, strict=True):
+        for group, other in zip(groups, others, strict=False):
             acts = self.trees[:, None] == self.tree_of[group]
             J[:, :, group] = (other - base)[:, :, None] * acts / by[group]
+        if not is_delay.any():
+            return J
         # Each log has its own delay.
+        late = others[-1]
         ends = pairwise(self.rows().tolist())
         for log, (start, stop) in zip(self.source, ends, strict=True):
             k = self.bodies.stop + log
