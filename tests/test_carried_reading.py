@@ -227,6 +227,5 @@ def test_a_planar_arm_on_its_side_is_exported_as_it_stands(tmp_path):
     logs = [replace(record("none", seed, turned), name=f"{seed}.csv") for seed in (1, 2, 3)]
     result = analyze(ROBOT, logs[:2], logs[2], quick=True)
     assert abs(result.alternative.gravity[1]) < 1e-9  # across the plane nothing weighs
-    path = result.to_json(tmp_path / "result.json")
-    written = export(ROBOT, path, tmp_path / "turned.xml", validate=logs[2], force=True)
+    written = export(ROBOT, result, tmp_path / "turned.xml", validate=logs[2], force=True)
     assert written.unseen.both < 1.1 * result.chosen.error_ra_validation

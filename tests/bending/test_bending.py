@@ -82,8 +82,7 @@ def test_a_joint_that_bends_is_found_and_exported_so_that_unseen_motion_is_its_o
     unseen = []
     for bending in (False, True):
         found = diagnose(robot, fitted, held_out, quick=True, bending=bending)
-        result = found.to_json(tmp_path / f"{bending}.json")
-        made = export(robot, result, tmp_path / f"{bending}.xml", validate=last, force=True)
+        made = export(robot, found, tmp_path / f"{bending}.xml", validate=last, force=True)
         error = roll(mujoco.MjModel.from_xml_path(str(made.robot)), 3) - true
         errors.append(np.sqrt((error**2).mean()))
         unseen.append(made.unseen.written)
@@ -97,7 +96,7 @@ def test_a_joint_that_bends_is_found_and_exported_so_that_unseen_motion_is_its_o
     assert again.springs["elbow"].stiffness == joint.stiffness
     assert joint.stiffness == pytest.approx(STIFFNESS, rel=0.03)
     assert "elbow bends" in found.details
-    assert "URDF" in export(robot, result, tmp_path / "arm.urdf", force=True).statement
+    assert "URDF" in export(robot, found, tmp_path / "arm.urdf", force=True).statement
 
 
 def test_simulated_links_bend_as_those_that_mujoco_moves_under_torque(tmp_path):

@@ -30,8 +30,7 @@ NAMES += [pytest.param("dvrk-mtm", marks=pytest.mark.everything), "dvrk-psm", "R
 
 def errors_outside(robot, result, folder):
     """Return the errors of the file by each engine, and of file and sidecar, on unseen motion."""
-    stated = result.to_json(folder / "r.json")
-    exported = export(robot, stated, folder / f"fit{robot.path.suffix}", force=True)
+    exported = export(robot, result, folder / f"fit{robot.path.suffix}", force=True)
     copy, (samples,) = Robot.load(exported.robot), result.validation
     told = {} if exported.sidecar is None else tomllib.loads(exported.sidecar.read_text("utf-8"))
     motors = told.get("transmission", {"motors": (), "coupling": ()})

@@ -36,11 +36,10 @@ def test_a_file_that_errs_more_on_motion_that_was_not_fitted_is_refused(runs, tm
     stated = result.real_robot
     given = stated["error_ra_validation_given_files"]["mjcf"]
     assert stated["error_ra_validation_files"]["mjcf"] > 1.5 * given
-    path = result.to_json(tmp_path / "result.json")
     with pytest.raises(IdentifiabilityError, match=r"fit\.xml alone errs by .* force=True"):
-        export(robot, path, tmp_path / "fit.xml")
+        export(robot, result, tmp_path / "fit.xml")
     assert not (tmp_path / "fit.xml").exists()
-    forced = export(robot, path, tmp_path / "fit.xml", validate=bare, force=True)
+    forced = export(robot, result, tmp_path / "fit.xml", validate=bare, force=True)
     assert f"{robot.path.name} by {100 * given:.3g} %" in forced.statement
     # The file, read again, errs as was said of it.
     assert forced.unseen.before == pytest.approx(given, rel=0.01)

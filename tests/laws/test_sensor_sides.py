@@ -58,8 +58,7 @@ def test_a_sensor_behind_the_gear_is_recognised_and_files_keep_their_rotors(make
     assert "a, b" in found.hints[0]
     assert found["b.Ia"].verdict == "not identifiable"
     assert "not observed by this sensor" in found["b.Ia"].reason
-    result = found.to_json(tmp_path / "result.json")
-    written = export(robot, result, tmp_path / "fitted.xml").robot
+    written = export(robot, found, tmp_path / "fitted.xml").robot
     assert Robot.load(written).nominal["b.Ia"] == 0.5
 
 
