@@ -394,7 +394,8 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     assert f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad" in result.answers()[1].short
     assert found.answers()[1].tone == "green"  # no log was fitted
     found.to_json(tmp_path / "rollout.json")
-    assert found.write_report(tmp_path / "rollout.html").stat().st_size > 10_000
+    for one in (found, move(arm, frames[1])):
+        assert one.write_report(tmp_path / "rollout.html").is_file()
 
 
 @pytest.fixture(scope="module")

@@ -302,8 +302,8 @@ def _state_size(result: PositionPrediction, errors: Array) -> str:
 
 def _moves_better(result: PositionPrediction) -> bool:
     """Return whether the last robot is nearer to the recording than the first one."""
-    file, *_, last = np.nan_to_num(result.totals, nan=np.inf)
-    return bool(last < file)
+    totals = np.nan_to_num(result.totals, nan=np.inf)
+    return bool(totals[-1] < totals[0])
 
 
 def state_span(result: PositionPrediction) -> str:
