@@ -1365,8 +1365,7 @@ def _find_machine(
     if other.joints != robot.joints:
         joints = {"own": [*other.joints], "path": robot.path, "joints": [*robot.joints]}
         raise RobotError(Finding("robots.joints", other.path, **joints))
-    machine = None if other.sha256 == robot.sha256 else (other, _file_name(other), {})
-    return machine, (), None
+    return None if other.sha256 == robot.sha256 else (other, _file_name(other), {}), (), None
 
 
 def _file_name(robot: Robot) -> str:
