@@ -219,10 +219,10 @@ def test_the_command_answers_first_and_writes_what_was_asked(command, succeeds, 
 
 def test_friction_of_passive_joints_is_no_change():
     own = campaign("five-bar")
-    name = "five-bar"
     passive = {f"{joint}.Fc": 0.3 for joint in own.robot.passive}
     rubs = joint_torque(own.robot, own.move, own.rigid, passive)
-    assert not compare(name, logs(name, 8, extra=rubs)[0], logs(name, 9, extra=rubs)[1]).changes
+    first, second = (logs("five-bar", seed, extra=rubs) for seed in (8, 9))
+    assert not compare("five-bar", first[0], second[1]).changes
 
 
 def test_a_motor_and_its_joint_share_the_change_that_their_sum_shows(tmp_path):

@@ -132,6 +132,6 @@ def test_a_file_of_a_robot_with_a_locked_joint_is_read_again(simulated, tmp_path
     robot = Robot.load("two-link", lock=["elbow"])
     frame = simulated("two-link", "a", 0, Noise(torque=0.02), 200).to_frame()
     alone = frame[["t", "shoulder.q", "shoulder.tau"]]
-    path = analyze(robot, alone, replicates=0).to_json(tmp_path / "result.json")
-    found = export(robot, path, tmp_path / f"fit.{ending}", validate=alone, force=True)
+    result = analyze(robot, alone, replicates=0)
+    found = export(robot, result, tmp_path / f"fit.{ending}", validate=alone, force=True)
     assert found.unseen.both == pytest.approx(found.error_ra, rel=0.1)

@@ -1,7 +1,6 @@
 """Axes that combine joints: columns, springs and rotors as MuJoCo's fixed tendons have them."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
 from numpy.random import default_rng
@@ -160,11 +159,10 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
     assert_allclose(joints.q, q, atol=1e-12)
     assert_allclose(joints.dq, dq, atol=1e-12)
     assert_allclose(joints.tau, tau @ R, atol=1e-12)
-    own = np.column_stack([t, q - [0, 1], tau])
-    columns = ["t", "shoulder.q", "elbow.q", *(f"{m}.tau" for m in names)]
-    mixed = Log.from_frame(pd.DataFrame(own, columns=columns), "mixed", Conventions.of(robot))
-    assert "computed from those of the joints" in str(mixed.notes)
-    both = joint_log(robot, mixed)
+    frame = motors.to_frame().filter(regex="^t$|tau")
+    frame[["shoulder.q", "elbow.q"]] = q - [0, 1]
+    both = joint_log(robot, Log.from_frame(frame, "mixed", Conventions.of(robot)))
+    assert "computed from those of the joints" in str(both.notes)
     assert_allclose(np.hstack([both.q, both.tau]), np.hstack([q, tau @ R]), atol=1e-12)
     assert [a.name for a in robot.axes] == ["shoulder", "elbow", "c2"]
 
