@@ -246,6 +246,16 @@ class TorqueRows:
         measured = [y[data] for y, data in pairs]
         return np.array([y.var() if len(y) else 0.0 for y in measured])
 
+    @once_each
+    def variations_at(self, joint: int) -> Array:
+        """Return the variance of each torque column in the rows of one joint that are data, (n,).
+
+        A joint has no data where it stands still, and other joints may move there. So the torque of
+        one joint varies by another amount in the rows of another one.
+        """
+        measured = self._shifted_torque(joint, 0.0)[self.data[:, joint]]
+        return measured.var(0) if len(measured) else np.zeros(len(self.acts))
+
     @property
     def counts(self) -> Array:
         """Number of rows of each joint whose torque is data, (n,)."""
@@ -302,7 +312,10 @@ class TorqueRows:
 
     def _scale(self, reading: Reading) -> Array:
         """Return the sum of squares of each joint's torque column about its mean, (n,)."""
-        scale = self.variation[reading.order] * np.maximum(self.counts, 1)
+        variation = self.variation.copy()
+        for j in np.flatnonzero(reading.order != np.arange(len(variation))).tolist():
+            variation[j] = self.variations_at(j)[reading.order[j]]
+        scale = variation * np.maximum(self.counts, 1)
         # Torque of a floating base need not be measured.
         return np.where(scale > 0.0, scale, 1.0)
 

@@ -26,6 +26,8 @@ from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality import MeasuredLogs
 from identifiability.reading import choose_reading
 from identifiability.reading.candidates import list_legs
+from identifiability.reading.fit import TorqueRows
+from identifiability.reading.reading import Reading
 from identifiability.reading.verification import Verification
 from identifiability.regression.regression import LogPart
 from identifiability.regression.structure import Structure
@@ -352,6 +354,17 @@ def test_columns_in_a_cycle_are_found_in_a_chain_and_on_legs(arm):
         found = look(robot, replace(log, tau=log.tau[:, order]))
         assert found.order.tolist() == np.argsort(order).tolist()
         assert found.holds
+
+
+def test_a_column_is_as_large_as_in_the_rows_of_the_joint_that_it_is_read_at():
+    """Torque without a cause leaves all of it, also in rows in which another joint moves."""
+    robot, log = record("two-link")
+    first = (np.arange(len(log)) < len(log) // 2)[:, None]
+    q = np.where(first == [1, 0], log.q, log.q[len(log) // 2])
+    tau = default_rng(0).standard_normal(q.shape) * np.where(first, 10.0, 0.1)
+    logs = known(robot, replace(log, q=q, tau=tau))
+    rows = TorqueRows.of(logs.structure, logs.samples)
+    assert rows.fit(replace(Reading.literal(robot), order=np.array([1, 0]))).min() > np.log(0.5)
 
 
 def test_an_actuator_between_two_bodies_is_a_leg_of_its_own():
