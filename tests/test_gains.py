@@ -48,9 +48,10 @@ def made(tmp_path_factory):
 WHAT = {"mass": 3.0, "centre": (0.3, 0.02, 0.0), "inertia": (0.01, 0.02, 0.02)}
 
 
-def test_a_known_load_tells_the_gain_of_each_joint(made):
+@pytest.mark.parametrize("inertia", [WHAT["inertia"], None])
+def test_a_known_load_tells_the_gain_of_each_joint(inertia, made):
     robot, empty, loaded = made
-    found = payload(robot, empty, loaded, **WHAT)
+    found = payload(robot, empty, loaded, **{**WHAT, "inertia": inertia})
     assert [g.name for g in found.gains] == list(TRUE)
     for g in found.gains:
         true = TRUE[g.name]

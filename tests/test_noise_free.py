@@ -115,12 +115,18 @@ PREPARED = [
 ]
 
 
-@pytest.mark.parametrize(("name", "how", "digits"), PREPARED)
-def test_rounding_is_no_effect(name, how, digits):
+def analyzed(name, torque=simulated_torque, **how):
+    """Return the analysis of three logs without noise, of which no effect is missing."""
     robot = Robot.load(name)
-    logs = make_logs(robot, simulated_torque, **how)
+    logs = make_logs(robot, torque, **how)
     found = analyze(robot, logs[:2], logs[2:], replicates=0)
     assert found.missing.named == ()
+    return found
+
+
+@pytest.mark.parametrize(("name", "how", "digits"), PREPARED)
+def test_rounding_is_no_effect(name, how, digits):
+    found = analyzed(name, **how)
     # The 3-RPS has bodies at the edge of what can exist.
     assert found.full.physical_used or name == "3-rps"
     check_values(found, digits)
@@ -139,19 +145,13 @@ def test_rounding_is_no_diagnosis(how):
 def test_rounding_is_no_effect_in_torque_of_another_simulator(tmp_path, how):
     path = tmp_path / "arm.urdf"
     path.write_text(ARM)
-    robot = Robot.load(path)
-    logs = make_logs(robot, rigid_torque, **how)
-    found = analyze(robot, logs[:2], logs[2:], replicates=0)
-    assert found.missing.named == ()
+    found = analyzed(path, rigid_torque, **how)
     check_values(found, 1e-6)
 
 
 def test_intervals_hold_what_a_low_pass_leaves_of_a_fast_motion():
     """The low-pass errs at the ends of a log, alike in all samples: scores show too little."""
-    robot = Robot.load("two-link")
-    logs = make_logs(robot, simulated_torque, period=1.5, derivatives=False)
-    found = analyze(robot, logs[:2], logs[2:], replicates=0)
-    assert found.missing.named == ()
+    found = analyzed("two-link", period=1.5, derivatives=False)
     check_values(found, 1e-3)
     for model in found.models:
         true = true_values(found.structure, model.submodel)

@@ -1,5 +1,7 @@
 """Currents whose constants are off by 5 % at each joint: masses stay, and scales are found."""
 
+import re
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 
 from identifiability import Noise, analyze, diagnose, simulate
 from identifiability.physical.cad_prior import total_mass
+from identifiability.robot.sidecar import MeasuredTorque
 from identifiability.simulation.motion import find_motion
 from studies.drawn_robots import draw_arm
 
@@ -34,6 +37,7 @@ def find_scales(parameters):
 @pytest.mark.parametrize("seed", [4, *EVERY])
 def test_wrong_constants_of_all_joints_move_no_mass(seed, tmp_path):
     robot, true, (*fitted, unseen) = simulate_currents(seed, tmp_path)
+    robot = replace(robot, torque=MeasuredTorque(gain=2.0))
     found = analyze(robot, fitted, unseen, replicates=0)
     sound = analyze(robot, true[:2], true[2], replicates=0)
     assert found.chosen.error_ra_validation <= 1.05 * sound.chosen.error_ra_validation
@@ -41,6 +45,10 @@ def test_wrong_constants_of_all_joints_move_no_mass(seed, tmp_path):
     assert total_mass(robot, values) == pytest.approx(total_mass(robot, robot.nominal), rel=0.1)
     assert find_scales(values)
     assert all(0.5 < factor < 2.0 for factor in find_scales(values))
+    (hint,) = (hint for hint in found.hints if hint.key == "alternative")
+    gains = tomllib.loads(re.search("gain = {.*?}", hint)[0])["gain"]
+    assert gains.pop("*") == 2.0  # that of the other joints
+    assert max(gains.values()) == pytest.approx(2.0 / min(find_scales(values)), rel=0.02)
 
 
 def test_named_scales_multiply_the_torque_that_is_fitted_beside_them(tmp_path):

@@ -241,7 +241,9 @@ class Differences:
     names : tuple of (b,) str
         Of the base parameters, where columns are these.
     always : (C, a)
-        These sums: their values have almost no prior.
+        These sums.
+    expected : (a,) or None
+        Standard deviation of the values of these sums; None for almost no prior.
     """
 
     missing: Missing
@@ -249,6 +251,7 @@ class Differences:
     known: Known
     names: tuple[str, ...]
     always: Array
+    expected: Array | None = None
 
     @staticmethod
     def of(
@@ -297,8 +300,13 @@ class Differences:
         none = np.empty((len(missing.scale), 0))
         return Differences(missing=missing, information=own, known=known, names=names, always=none)
 
-    def having(self, sums: Array, joint: int | None = None) -> Differences:
-        """Return the same with sums of columns (C, a) in every hypothesis, or of a joint alone."""
+    def having(
+        self, sums: Array, joint: int | None = None, expected: Array | None = None
+    ) -> Differences:
+        """Return the same with sums of columns (C, a) in every hypothesis, or of a joint alone.
+
+        By default their values have almost no prior, else these standard deviations (a,) about 0.
+        """
         own = self.information
         p = self.known.size
         if joint is not None:
@@ -308,7 +316,7 @@ class Differences:
         places = [p] * sums.shape[1]
         every = np.insert(unit, places, wide, axis=1)
         own = own.reduce(every, [str(k) for k in range(every.shape[1])])
-        return replace(self, information=own, always=sums)
+        return replace(self, information=own, always=sums, expected=expected)
 
     @property
     def later(self) -> int:
@@ -374,6 +382,8 @@ class Differences:
         drifts = sum(c.pattern == "drift" for c, *_ in self.columns)
         # A load may have a hundred times the smallest identifiable torque.
         sizes = np.linalg.norm(self.scale[:, None] * self.always, axis=0) / (100 * UNTOLD)
+        if self.expected is not None:
+            sizes = 1.0 / self.expected
         levels = np.abs(self.levels(self.known.base)[:drifts])
         drift = DRIFT * np.maximum(levels, ROUNDOFF)
         precision = np.concatenate([self.known.precision, sizes**2, drift**-2])

@@ -484,6 +484,7 @@ def _convert_torque(
     if both:
         columns = _convert_motors(columns, both, known)
     given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in {*joints} - {*both}}
+    _refuse_other_names(given, known, source)
     free = {j: c for j, c in given.items() if torque.at("gain", j) is None}
     loose = [j for j, c in free.items() if _SHARE.search(c.source.replace(j, ""))]
     lacking = "columns.share"
@@ -511,6 +512,17 @@ def _convert_torque(
     if both:
         notes.append(phrase("reading", "both", joints=both))
     return out, notes
+
+
+def _refuse_other_names(given: Mapping[str, Column], known: Conventions, source: str) -> None:
+    """Refuse gains or signs of which none is about a torque column of the log.
+
+    A robot with a transmission has names of joints and of motors, and a log has those of one.
+    """
+    for key in ("gain", "sign") if known.motors and given else ():
+        names = [*known.torque.table(key)]
+        if names and {"", *given}.isdisjoint(names):
+            raise LogError(Finding("columns.other", source, columns=[*given], key=key, names=names))
 
 
 def _convert_motors(

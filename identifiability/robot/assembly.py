@@ -23,6 +23,7 @@ from identifiability.foundation.names import (
     NumberByName,
     Renames,
     Strings,
+    find_named,
     is_pattern,
 )
 from identifiability.foundation.options import Expected
@@ -594,6 +595,7 @@ def _torque_by_joint(robot: Description, motors: Strings) -> MeasuredTorque:
         if isinstance(value, dict):
             lines = (*robot.joints, *motors)
             said[key] = by_name(robot.path, name, value, lines, robot.locked)
+            _refuse_joints(robot, key, value, motors)
         elif isinstance(value, list):
             table = dict.fromkeys(value, True)
             said[key] = [*by_name(robot.path, name, table, robot.joints, robot.locked)]
@@ -606,6 +608,17 @@ def _torque_by_joint(robot: Description, motors: Strings) -> MeasuredTorque:
     if both and robot.base is not None:
         raise RobotError(Finding("robot.both", robot.path, other="a base that floats"))
     return torque
+
+
+def _refuse_joints(robot: Description, key: str, table: Mapping[str, Any], motors: Strings) -> None:
+    """Refuse a key of [torque] that names joints beside motors, as it would change nothing."""
+    joints = [j for j in robot.joints if j not in motors]
+    of_motors = [text for text in table if find_named(text, motors)]
+    of_joints = [text for text in table if text not in of_motors and find_named(text, joints)]
+    if of_motors and of_joints:
+        raise RobotError(
+            Finding("robot.joint", robot.path, key=key, joints=of_joints, motors=[*motors])
+        )
 
 
 def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:

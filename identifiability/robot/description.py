@@ -644,6 +644,20 @@ class Description(Stated):
         """N or N·m for each actuated joint."""
         return tuple("N" if slides else "N·m" for slides in self.slides)
 
+    def torque_column(self, joint: str) -> str:
+        """Return the joint or motor under which the sidecar states the gain of a joint's torque.
+
+        Logs of a robot with a [transmission] hold torque of motors. The name is empty if several
+        motors make the torque of the joint, so that no gain alone corrects it.
+        """
+        gear = self.transmission
+        stated = joint in self.torque.table("gain")
+        if gear is None or stated or joint not in self.motor_joints:
+            return joint
+        share = gear.coupling[:, self.motor_joints.index(joint)]
+        alone = np.flatnonzero(share)
+        return gear.motors[alone[0]] if len(alone) == 1 else ""
+
     @cached_property
     def passive(self) -> Strings:
         """Names of the passive degrees of freedom."""

@@ -324,6 +324,16 @@ class MeasuredTorque(Strict):
         known = {name: {"": 1.0, **self.table(name)} for name in ("gain", "ratio")}
         return self.model_copy(update=known)
 
+    def scaled_gains(self, factors: Mapping[str, float]) -> dict[str, float]:
+        """Return gains for the sidecar: the stated ones of some columns, times factors.
+
+        A gain that the sidecar states for all columns stays that of the others.
+        """
+        table = self.table("gain")
+        others = {"*": table[""]} if "" in table else {}
+        gains = {name: table.get(name, table.get("", 1.0)) * x for name, x in factors.items()}
+        return others | {name: float(f"{gain:.4g}") for name, gain in gains.items()}
+
     @property
     def text(self) -> str:
         """Return the stated keys in one line; empty if there are none."""

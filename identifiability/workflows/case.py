@@ -995,18 +995,26 @@ def ask_for_unit(share: Share) -> Finding:
     return Finding("question", text=phrase("question", "unit", joint=share.term.group.place))
 
 
-def state_gains(share: Share, joints: Sequence[str]) -> dict[str, float]:
-    """Return the gain by which the sidecar corrects each joint of a wrong scale of the torque."""
-    place = share.term.group.place
-    places = joints if place == EVERYWHERE else [place]
-    gains = [float(f"{1.0 / (1.0 + scale):.4g}") for scale in share.value.tolist()]
-    return dict(zip(places, gains, strict=True))
+def state_gains(shares: Sequence[Share], robot: Robot) -> dict[str, float]:
+    """Return the gains by which the sidecar corrects wrong scales of the torque.
+
+    They are empty if several motors make the torque of such a joint.
+    """
+    factors = {}
+    for scales in shares:
+        place = scales.term.group.place
+        places = robot.motor_joints if place == EVERYWHERE else [place]
+        for joint, scale in zip(places, scales.value.tolist(), strict=True):
+            factors[robot.torque_column(joint)] = 1.0 / (1.0 + scale)
+    if not factors or "" in factors:
+        return {}
+    return robot.torque.scaled_gains(factors)
 
 
-def _describe_misread(shares: Sequence[Share], joints: Sequence[str]) -> Finding:
+def _describe_misread(shares: Sequence[Share], robot: Robot) -> Finding:
     """Return a doubt about columns, with the gains that correct a wrong scale of their torque."""
     scales = [s for s in shares if s.term.group.family == TorqueScale.name]
-    gains = {joint: gain for s in scales for joint, gain in state_gains(s, joints).items()}
+    gains = state_gains(scales, robot)
     what = [describe_term(s.term) for s in shares]
     part = "scaled" if gains else "has"
     return Finding(
@@ -1023,7 +1031,7 @@ def complete_model(data: Data, shares: Sequence[Share]) -> Data:
     said = [Finding("completed", what=list(map(describe_term, physical)))] if physical else []
     misread = [s for s in shares if s.term not in physical]
     if misread:
-        said.append(_describe_misread(misread, data.robot.motor_joints))
+        said.append(_describe_misread(misread, data.robot))
     hints = (*data.hints, *said)
     structure = Structure.of(data.robot, model)
     regression = structure.regression(data.samples)

@@ -341,29 +341,50 @@ def _half_widths(found: LoadEstimate, body: Array, scale: TorqueScale) -> Array:
 #
 # Torque with a wrong gain gives a load that is wrong by the same factor. So each joint is fitted
 # separately, in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and
-# b is free, as parameters of the robot take the gain up [Gautier & Briot 2014].
+# b is free, as parameters of the robot take the gain up [Gautier & Briot 2014]. Moments about the
+# centre that nobody stated are fitted as well: gains by a point mass are too small where it turns.
 
 
-def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
-    """Return the gain of each joint's torque from a known load, (10,) in `INERTIAL_KINDS`."""
-    sums = _load(found) @ theta[:, None]
+def find_gains(found: Differences, theta: Array, *, moments: bool) -> tuple[Quantity, ...]:
+    """Return the gain of each joint's torque from a known load.
+
+    Parameters
+    ----------
+    found : Differences
+    theta : (10,)
+        The load, in the order of `INERTIAL_KINDS`.
+    moments : bool
+        Whether its moments are known. Unknown ones are those of a body of its mass that is as large
+        as an unknown load (`TYPICAL`).
+    """
+    load = _load(found)
+    sums = load @ theta[:, None]
+    unknown = load @ (np.diag(theta[0] * TYPICAL)[:, :6])[FROM_GROUPED]
     robot = found.missing.seen.robot
-    return tuple(
-        _state_gain(robot, joint, *_invert_gain(found, sums, j))
-        for j, joint in enumerate(robot.joints)
-    )
+    gains = []
+    for j, joint in enumerate(robot.joints):
+        inverse, sd = _invert_gain(found, sums, j)
+        if not moments:
+            expected = np.array([np.inf, *[abs(inverse)] * 6])
+            inverse, sd = _invert_gain(found, np.hstack([sums, unknown]), j, expected)
+        gains.append(_state_gain(robot, joint, inverse, sd))
+    return tuple(gains)
 
 
-def _invert_gain(found: Differences, sums: Array, j: int) -> tuple[float, float]:
+def _invert_gain(
+    found: Differences, sums: Array, j: int, expected: Array | None = None
+) -> tuple[float, float]:
     """Return one over the gain of a joint's torque, in units as it was read, and its error.
 
     Parameters
     ----------
     found : Differences
-    sums : (C, 1)
-        The known load as a sum of candidates.
+    sums : (C, a)
+        The known load as a sum of candidates, then its unknown parts.
     j : int
         The joint.
+    expected : (a,), optional
+        Standard deviations that one over the gain and its products with these parts may have.
     """
     seen = found.missing.seen
     known = found.known
@@ -374,7 +395,7 @@ def _invert_gain(found: Differences, sums: Array, j: int) -> tuple[float, float]
     y = seen.y[:, [j]]
     values = pooled_values(X, y, np.eye(size), np.zeros(size))
     fitted = replace(known, base=known.base + known.directions @ values)
-    one = replace(found, known=fitted).having(sums, joint=j)
+    one = replace(found, known=fitted).having(sums, j, expected)
     may = {c.group[0] for c, *_ in one.columns if c.pattern and c.kind == "friction"}
     groups = tuple(g for g in one.groups if g.family in may)
     value, covariance = one.solve(replace(one.model, groups=groups).search())
@@ -384,7 +405,8 @@ def _invert_gain(found: Differences, sums: Array, j: int) -> tuple[float, float]
 def _state_gain(robot: Robot, joint: str, inverse: float, sd: float) -> Quantity:
     """Return the gain of a joint's torque from one over it, and its error."""
     # Torque that was read by a gain is that of the load by this over the right one.
-    read = robot.torque.at("gain", joint) or 1.0
+    column = robot.torque_column(joint)
+    read = robot.torque.at("gain", column) or 1.0
     inverse = inverse / read or np.nan
     sd = sd / abs(read)
     half = REACH * sd
@@ -394,8 +416,10 @@ def _state_gain(robot: Robot, joint: str, inverse: float, sd: float) -> Quantity
         low, high = sorted((1.0 / (inverse - half), 1.0 / (inverse + half)))
     sure = percent_of(sd, inverse) <= Thresholds().sigma_percent
     why = "" if sure else phrase("untold", "load")
+    if not column:
+        why = phrase("untold", "motors")
     unit = robot.torque_units[robot.joints.index(joint)]
-    return Quantity(joint, unit, 1.0 / inverse, low, high, why)
+    return Quantity(column or joint, unit, 1.0 / inverse, low, high, why)
 
 
 # `Load`: mass, centre and inertia of a load as numbers.
@@ -560,7 +584,8 @@ def payload(
         Its centre of mass in the frame of the body's joint [m]; by default estimated from the logs,
         under the assumption that all joints have one gain.
     inertia : (3,), optional
-        Its moments about its centre, along the axes of that frame [kg·m²].
+        Its moments about its centre, along the axes of that frame [kg·m²]; by default unknown, so
+        that the intervals of gains are wider.
     engine : Engine, optional
         Where logs that are too long for memory are processed.
 
@@ -588,7 +613,8 @@ def payload(
             scale = measure_torque_scale(fit, [sample.motion for sample in sides.samples])
         numbers = _state_load(found, sides, structure, scale)
         if mass is not None:
-            numbers["gains"] = find_gains(differences, load.parameters(numbers["parameters"]))
+            theta = load.parameters(numbers["parameters"])
+            numbers["gains"] = find_gains(differences, theta, moments=inertia is not None)
     model = fit.submodel.name if fit else full_model(structure.base).name
     remarks_once = dict.fromkeys([*remarks, *hints])
     return Load(

@@ -864,7 +864,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         submodel = _rebuild_model(entry, structure)
         fit = _rebuild_fit(entry, structure, submodel)
     except IdentifiabilityError as error:
-        raise refuse_robot(path, content.robot, robot, str(error)) from None
+        raise refuse_robot(path, content, robot, str(error)) from None
     except ValueError:
         raise IdentifiabilityError(Finding("result.tables", path)) from None
     hints = note_change(path, content.robot, robot)
@@ -979,21 +979,29 @@ def read_real(
 
 
 def refuse_robot(
-    where: object, made: RobotEntry | Robot, robot: Robot, why: str
+    where: object, made: ResultEntry | Robot, robot: Robot, why: str
 ) -> IdentifiabilityError:
     """Return the error for a robot with which a result was not made.
 
     Parameters
     ----------
     where : path, or name of the result
-    made : RobotEntry or Robot
-        The robot that the result was made with.
+    made : ResultEntry or Robot
+        The result, or the robot that it was made with.
     robot : Robot
         The one that is given.
     why : str
         A sentence.
     """
-    names = {"robot": robot.path.name, "made": made.name, "sha256": made.sha256[:12]}
+    if isinstance(made, Robot):
+        entry: RobotEntry | Robot = made
+        sidecar = made.sidecar.name if made.sidecar else ""
+    else:
+        entry = made.robot
+        sidecar = made.provenance.get("sidecar", "")
+    names = {"robot": robot.path.name, "made": entry.name, "sha256": entry.sha256[:12]}
+    if sidecar and (robot.sidecar is None or robot.sidecar.name != sidecar):
+        why = f"{why} {phrase('result.other', 'sidecar', sidecar=sidecar)}"
     return IdentifiabilityError(Finding("result.other", where, why=why, **names))
 
 

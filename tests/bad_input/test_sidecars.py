@@ -38,6 +38,10 @@ BAD = {
         GEAR + "[[1, 0], [1, 1]]\nratio = [2, 3]\n[torque]\nratio = {m2 = 3}",
         r"both \[torque\] ratio and \[transmission\] ratio are stated for m2",
     ),
+    "gain of a joint beside motors": (
+        GEAR + "[[1, 0], [1, 1]]\n[torque]\ngain = {m1 = 2, m2 = 2, elbow = 3}",
+        r"names the joints elbow beside motors\. .* under the names of motors \(m1, m2\)",
+    ),
     "axis called as a joint": (
         AXIS.replace("both", "elbow") + "{elbow = 1, shoulder = 1}",
         "has the name of a body",

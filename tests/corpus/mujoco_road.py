@@ -120,7 +120,7 @@ class MujocoRoad:
         m = self.model
         force = np.zeros(self.model.nv)
         for k in np.flatnonzero(m.tendon_frictionloss):
-            J = np.array([_slope(lambda s, e=e, k=k: self._length(q, s * e, k))
+            J = np.array([slope(lambda s, e=e, k=k: self._length(q, s * e, k))
                           for e in np.eye(m.nv)])  # fmt: skip
             force += m.tendon_frictionloss[k] * np.sign(J @ v) * J
         return force
@@ -164,7 +164,7 @@ class MujocoRoad:
 
     def _bias(self, q, v):
         """Return ``J̇ v``."""
-        return _slope(lambda s: self._equalities(q, s * v)[1] @ v)
+        return slope(lambda s: self._equalities(q, s * v)[1] @ v)
 
 
 def draw(names, rng, count, reach, torque, middle=0.0):
@@ -175,7 +175,7 @@ def draw(names, rng, count, reach, torque, middle=0.0):
     return States(names, q, dq, ddq, np.array(list(map(torque, q, dq, ddq))))
 
 
-def _slope(function, h=4e-3):
+def slope(function, h=4e-3):
     """Return the derivative at zero by central differences of eighth order."""
     weights = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
     return sum(

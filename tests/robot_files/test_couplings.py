@@ -23,13 +23,16 @@ terms = {w = [0, 0.2], shoulder = [0.05, 0, 0.1]}
 """
 
 
+def follow(robot):
+    q = default_rng(0).normal(size=(20, len(robot.joints)))
+    motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
+    at = {name: robot.dof_position(motion.q, name) for name in robot.dofs} | dict(robot.locked)
+    return at, at["shoulder"], at["elbow"]
+
+
 def test_a_sidecar_couples_a_joint_by_a_polynomial_in_each_of_others(agrees):
     robot = agrees(arm(inside=WRIST.format(w="")), sidecar=SIDECAR)
-    q = default_rng(0).normal(size=(20, 2))
-    motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
-    at = {name: robot.dof_position(motion.q, name) for name in robot.dofs}
-    s = at["shoulder"]
-    e = at["elbow"]
+    at, s, e = follow(robot)
     assert_allclose(at["w"], 0.1 + 0.5 * e + 0.2 * e**2 - 0.3 * s + 0.1 * s**3)
     assert_allclose(at["p"], 0.05 + 0.2 * at["w"] + 0.1 * s**2)
     facts = {j.name: j for j in inspect(robot).joints}
@@ -45,11 +48,7 @@ def test_couplings_go_on_where_one_of_their_joints_is_locked(lock, load_text, ag
     actuated = [j for j in ("shoulder", "elbow") if j != name]
     robot = agrees(text, sidecar=linear, lock=lock)
     assert list(robot.joints) == actuated
-    q = default_rng(0).normal(size=(20, 1))
-    motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
-    at = {name: robot.dof_position(motion.q, name) for name in robot.dofs} | dict(robot.locked)
-    s = at["shoulder"]
-    e = at["elbow"]
+    at, s, e = follow(robot)
     assert_allclose(at["w"], 0.1 + 0.5 * e - 0.3 * s + 0.1 * s**3, atol=1e-12)
 
 

@@ -12,6 +12,8 @@ from identifiability.robot import complete_motion
 from identifiability.robot.mjcf import quiet
 from identifiability.simulation import PrescribedMotion
 
+from ..corpus.mujoco_road import slope
+
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
            "joint_stiffness", "passive_joint_friction")  # fmt: skip
 
@@ -73,12 +75,6 @@ def poses(text, count=20, seed=0):
         force = d.qfrc_inverse + J.T @ (m.tendon_frictionloss * np.sign(J @ v))
         out.append([lengths(np.zeros(6)), J @ v, J @ a + bent, np.linalg.solve(J.T, force)])
     return np.array(out).transpose(1, 0, 2)
-
-
-def slope(function, h=4e-3):
-    """The derivative at zero by central differences of eighth order."""
-    weights = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
-    return sum(w * (function(k * h) - function(-k * h)) / h for k, w in enumerate(weights, 1))
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,7 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
     unknown = next((name for name in given if name not in known), None)
     if unknown is not None:
         why = phrase("result.other", "unknown", name=unknown)
-        raise refuse_robot(path, content.robot, robot, why)
+        raise refuse_robot(path, content, robot, why)
     masses = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
     # A body with less than this share of the robot's mass has no mass: formats need a number.
     heavy = [b for b, mass in masses.items() if mass > ROUNDOFF * sum(masses.values())]
