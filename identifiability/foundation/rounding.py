@@ -62,11 +62,12 @@ def measured(value: float, half: float, unit: str = "") -> str:
 
     Examples
     --------
-    >>> measured(1.5234, 0.0412, "kg"), measured(-60.4, 250.0)
+    >>> measured(1.5234, 0.0412, "kg"), measured(-60.4, 250.0, "1")
     ('1.52 kg ± 0.04', '−60 ± 250')
     """
     first, second = format_measured(value, half)
-    return f"{first}{f' {unit}' if unit else ''} ± {second}"
+    shown = "" if unit in ("", "1") else f" {unit}"
+    return f"{first}{shown} ± {second}"
 
 
 def format_number(value: float | None, digits: int = 4, *, pad: bool = False) -> str:
