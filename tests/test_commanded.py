@@ -245,13 +245,20 @@ def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(a
         assert told == pytest.approx(size + (kind == "gain"), rel=0.05 if size > 1 else 0.2)
 
 
-def record_hobby_arm(folder, fault=servos.NONE):
-    rng, how = default_rng(6), servos.Recorder(50.0, 25.0, bits=12)
+def record_hobby_arm(folder, fault=servos.NONE, **asked):
+    rng, how = default_rng(7 if asked else 6), servos.Recorder(50.0, 25.0, bits=12)
     robot = servos.load("hobby-arm", folder)
     truth = servos.JUDGED["hobby-arm"][0](robot, 0.1, rng)
-    moves = servos.draw_commands(robot, 10.0, 25.0, 0.35, rng)
+    moves = servos.draw_commands(robot, 10.0, 25.0, 0.1 if asked else 0.35, rng)
     log = read(robot, servos.record(robot, truth, moves, 10.0, how, rng, fault=fault))
-    return robot, truth, fit_rollouts(robot, [log], file_shares(robot))
+    servo = robot.servo.having(asked)
+    return robot, truth, fit_rollouts(replace(robot, servo=servo), [log], file_shares(robot))
+
+
+def test_gains_without_load_hold_beside_a_known_kv_and_a_limit_that_is_hardly_reached(tmp_path):
+    robot, _, found = record_hobby_arm(tmp_path, kp=np.full(6, np.nan))
+    wrong = np.abs(np.log(found.numbers["kp"] / robot.servo.kp))
+    assert np.all(wrong < 2.2 * found.unsure[48:54])
 
 
 def test_a_wrong_gain_is_found_where_errors_are_as_small_as_those_of_recording(tmp_path):
@@ -551,7 +558,6 @@ def unstated(arm, tmp_path_factory):
     """Return the arm with gains that nobody states, a link a fifth too heavy, and one weighed."""
     folder = tmp_path_factory.mktemp("unstated")
     text = arm.path.read_text()
-    assert 'mass="4"' in text
     (folder / "arm.xml").write_text(text.replace('mass="4"', 'mass="4.8"'))
     (folder / "arm.toml").write_text('[servo]\nkp = "fit"\n[prior_share]\nlink2 = 0.001\n')
     return Robot.load(folder / "arm.xml")
@@ -560,12 +566,13 @@ def unstated(arm, tmp_path_factory):
 def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale(
     arm, unstated, frames, tmp_path
 ):
-    assert unstated.servo.unknown.all()
     with pytest.raises(IdentifiabilityError, match="to be found from logs of commands"):
         move(unstated, frames[1])
     log = read(arm, frames[0])
-    shares = file_shares(unstated)
-    found = fit_rollouts(unstated, [log], shares)
+    shares, done = file_shares(unstated), []
+    found = fit_rollouts(unstated, [log], shares, say=lambda text, share: done.append(share))
+    assert done == sorted(done)
+    assert 0.05 == done[0] < done[-1] < 0.6
     true = {k: np.array([TRUTH[f"{j}.{k}"] for j in arm.joints]) for k in ("Fv", "Fc")}
     assert_allclose(found.numbers["kp"], arm.servo.kp, rtol=0.01)
     assert_allclose(found.numbers["Fv"], arm.servo.kv + true["Fv"], rtol=0.01)
@@ -597,18 +604,7 @@ def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(arm, unsta
 
 def test_gains_are_found_on_the_fitted_logs_alone(unstated, frames):
     result = analyze(unstated, frames, quick=True)
-    assert result.recordings.set_aside
     assert len(result.recordings.rolled.delays) == len(result.recordings.fitted) == 1
-
-
-def test_progress_of_rollouts_moves_forward(unstated, arm, frames):
-    shares = []
-    log = read(arm, frames[1])
-    fit_rollouts(unstated, [log], {}, 0.007, lambda text, share: shares.append(share))
-    assert len(set(shares)) > 2
-    assert shares == sorted(shares)
-    assert shares[0] == 0.05
-    assert shares[-1] < 0.6
 
 
 @pytest.mark.parametrize("verb", [analyze, diagnose])
@@ -634,8 +630,8 @@ def test_a_first_answer_stays_if_the_user_stops_the_whole_one(
 @pytest.mark.parametrize(("kind", "effect"), [("Fc", "static friction"), ("off", "an offset of")])
 def test_rests_tell_friction_from_an_offset(arm, frames, kind, effect):
     truth = {**TRUTH, "elbow.Fc": 0.3, "elbow.off": 0.3, f"elbow.{kind}": 6.0}
-    steps = np.repeat([0.0, 0.2, 0.0, -0.2, 0.0, 0.2, 0.0, -0.2], 50)
-    commands = arm.home + np.stack([0 * steps, steps], axis=1)
+    steps = np.repeat([0.0, 0.2, 0.0, -0.2] * 2, 50)
+    commands = arm.home + np.stack([0 * steps, steps], 1)
     rng, how = default_rng(1), servos.Recorder(bits=14)
     log = read(arm, servos.record(arm, truth, commands, 7.9, how, rng))
     machine = CommandedRobot(arm, {})
@@ -714,7 +710,7 @@ def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, bare):
     found = fit_rollouts(robot, [log], file_shares(robot))
     late, q = roll_delayed(CommandedRobot(known, TRUTH), log)
     assert abs(found.delays[0] - late) < 1e-4
-    assert np.all(found.errors < 1.1 * np.sqrt(np.mean((q - log.q) ** 2, axis=0)))
+    assert np.all(found.errors < 1.1 * np.sqrt(np.mean((q - log.q) ** 2, 0)))
     most = np.minimum(3 * np.sqrt(np.diag(found.covariance))[2:4], 0.1 * servo.kv)
     assert np.all(np.abs(found.numbers["kv"] - servo.kv) < most)
 

@@ -81,7 +81,8 @@ def descend(
         Receives the share of the search that is done, as far as it can be foreseen.
     """
     q = problem.roll([x])[0]
-    damping = 1e-3
+    # Only directions that are lost in errors of the derivative are damped at first.
+    damping = VARIED**2
     linearised = x[:0]
     poor = True
     # Weighted squares that the steps with the last derivative gained.
@@ -105,7 +106,7 @@ def descend(
         # Weights change with errors, so that no search ends where its steps promise nothing.
         little += is_new and promised < PROMISED * (residual @ residual)
         is_new = False
-        moved = x + step
+        moved = problem.move(x, step)
         rolled = problem.roll([moved])[0]
         rest = weights * problem.residual(rolled, moved)
         gained = residual @ residual - np.sum(rest**2)

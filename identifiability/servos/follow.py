@@ -233,13 +233,9 @@ def _without_rollouts(recordings: Recordings, servo: Servo, error: RobotError) -
 def _delay_doubts(own: dict[int, Log], servo: Servo, found: Rollouts) -> list[dict[int, Log]]:
     """Return each log with commands that act one standard deviation of its delay later.
 
-    Rows that are logged later than their commands have a negative delay. It is known as well, but
-    not beside gains that the logs tell.
+    Rows that are logged later than their commands have a negative delay, which is known as well.
     """
-    errors = found.delay_errors
-    if servo.found:
-        errors = np.maximum(errors, -found.delays)
-    pairs = zip(own.items(), errors.tolist(), strict=True)
+    pairs = zip(own.items(), found.delay_errors.tolist(), strict=True)
     return [{k: replace_servo(log, servo, servo, sd)} for (k, log), sd in pairs if sd]
 
 

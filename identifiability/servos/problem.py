@@ -21,13 +21,14 @@ from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
 
 from .positions import explicable, forgotten
 from .rollouts import KINDS
+from .torque import servo_log
 from .windows import Window
 
 #: Standard deviation of the logarithm of an unknown gain about its start.
 LOOSE: Tolerance = 1.0
 
 #: Differences of numbers as shares of a joint's inertia, damping and torque. Then those of the
-#: delay as a share of a sampling step, and of the logarithm of a robot's scale.
+#: delay as a share of a sampling step, and of the logarithm of a gain or of a robot's scale.
 VARIED: Tolerance = 2e-4
 LATER: Tolerance = 0.05
 
@@ -177,6 +178,31 @@ class RolloutProblem:
         upper[log_kp] = 0.3
         return np.stack([lower, upper])
 
+    def move(self, x: Array, step: Array) -> Array:
+        """Return the vector after a step on the curve along which a gain keeps the motion.
+
+        Fv and rotors replace a known kv, whose ratio to the gain is curved.
+        """
+        log_kp = self.at("kp")
+        turn = step[log_kp]
+        others = self._scales(x) - np.eye(len(x))[log_kp]
+        bent = (np.expm1(-turn) + turn) @ others
+        moved = x + step - bent
+        return np.where(bent == 0.0, moved, np.maximum(moved, 0.0))
+
+    def _scales(self, x: Array) -> Array:
+        """Return the direction in which each gain hardly changes the motion, (n, p).
+
+        A known kv does not grow with the gain. Fv grows in its place, and acts at once.
+        """
+        log_kp = self.at("kp")
+        is_known = self.varied[log_kp] & ~self.over[KINDS.index("kv")]
+        damping = is_known * self.unpack(x)[0]["kv"] / np.exp(x[log_kp])
+        scales = np.eye(len(x))[log_kp]
+        scales[:, self.at("Fv")] = np.diag(damping)
+        scales[:, self.at("Ia")] = -self.machine.servo.speed_age * np.diag(damping)
+        return scales
+
     # Positions and their errors.
 
     def roll(self, xs: Sequence[Array], step: float | None = None) -> list[list[Array]]:
@@ -298,7 +324,9 @@ class RolloutProblem:
         by : (p,), optional
             Differences, by default the usual ones.
         """
-        by = self.by if by is None else by
+        if by is None:
+            by = self.by.copy()
+            by[self.at("kp")] = self._gain_steps(x)
         if numbers is None:
             every = self.varied.copy()
             every[self.delays] = True
@@ -311,8 +339,11 @@ class RolloutProblem:
         """Return the derivative of positions in the judged rows by differences, (N, n, p)."""
         is_delay = numbers >= self.bodies.stop
         groups = self._group_by_tree(numbers[~is_delay])
-        steps = np.diag(by)
-        moved = [x + steps[group].sum(0) for group in groups]
+        log_kp = self.at("kp")
+        along = np.eye(len(x))
+        along[log_kp] = scales = self._scales(x)
+        steps = by[:, None] * along
+        moved = [self._rescale(x, steps[group].sum(0)) for group in groups]
         if is_delay.any():
             moved.append(x + steps[numbers[is_delay]].sum(0))
         rolled = self.roll([x, *moved], COARSE * STEP)
@@ -321,6 +352,8 @@ class RolloutProblem:
         for group, other in zip(groups, others, strict=False):
             acts = self.trees[:, None] == self.tree_of[group]
             J[:, :, group] = (other - base)[:, :, None] * acts / by[group]
+        # Columns of gains are those of their scales minus those of the other numbers.
+        J[:, :, log_kp] = 2 * J[:, :, log_kp] - J @ scales.T
         if not is_delay.any():
             return J
         # Each log has its own delay.
@@ -338,23 +371,43 @@ class RolloutProblem:
         derivative of positions in the judged rows along it, (N, n). A large step measures it, as
         joints that stick make small differences noisy.
         """
-        log_kp, fv, rotor = (self.at(kind) for kind in ("kp", "Fv", "Ia"))
-        grows = self.varied[log_kp]
-        scaling = np.zeros(len(x))
-        scaling[log_kp] = grows
-        # A known kv does not grow. Fv grows in its place, and acts at once.
-        kept = grows & ~self.over[KINDS.index("kv")]
-        damping = kept * self.unpack(x)[0]["kv"] / np.exp(x[log_kp])
-        scaling[fv] = damping
-        scaling[rotor] = -self.machine.servo.speed_age * damping
+        grows = self.varied[self.at("kp")]
+        scaling = grows @ self._scales(x)
         of_bodies = self.tree_of[self.over.size :]
         scaling[self.bodies] = 0.5 * np.isin(of_bodies, self.trees[grows])
-        # Numbers of a joint are divided by its gain, which grows.
-        is_divided = np.isin(np.arange(len(x)), [fv, rotor])
-        steps = np.where(is_divided, -np.expm1(-LATER), LATER)
-        rolled = self.roll([x, x + steps * scaling])
+        step = self._gain_steps(x)[grows].max(initial=-LATER)
+        rolled = self.roll([x, self._rescale(x, step * scaling)])
         before, after = (self.differences(q) for q in rolled)
-        return scaling, (after - before) / LATER
+        return scaling, (after - before) / step
+
+    def _gain_steps(self, x: Array) -> Array:
+        """Return the difference of the logarithm of each gain, (n,).
+
+        It is large, because joints that stick make small differences noisy. A smaller gain reaches
+        no limit. A larger gain is taken where so little friction is left that a known kv exceeds
+        the damping of a smaller one.
+        """
+        fv = self.at("Fv")
+        needed = np.expm1(LATER) * self._scales(x)[:, fv].diagonal()
+        return np.where(x[fv] < needed, LATER, -LATER)
+
+    def _rescale(self, x: Array, step: Array) -> Array:
+        """Return the vector after a step to smaller gains, with which rare limits shrink.
+
+        A limit that acts only for moments after commands must not determine a gain: those moments
+        depend on the rate of the servo and the step of the rollout.
+        """
+        numbers, delays = self.unpack(x)
+        servo = self.machine.servo.having(numbers)
+        pairs = zip(self.logs, delays[self.source].tolist(), strict=True)
+        torque = np.concatenate([servo_log(log, servo, late).tau for log, late in pairs])
+        # Rare is a smaller share of rows than that by which gains are varied.
+        is_rare = np.mean(np.abs(torque) >= servo.high, axis=0) < LATER
+        turn = (step * self.varied)[self.at("kp")]
+        shrinks = (turn < 0) & is_rare & (servo.high < np.inf)
+        moved = self.move(x, step)
+        moved[self.at("limit")[shrinks]] = (servo.high * np.exp(turn))[shrinks]
+        return moved
 
     def _group_by_tree(self, numbers: np.ndarray) -> list[np.ndarray]:
         """Return groups of numbers, each with at most one number of a tree."""
