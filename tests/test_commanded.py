@@ -304,7 +304,7 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     log = read(robot, logs[1])
     delay, best = roll_delayed(machine, log)
     (part,) = machine.roll_all([log.rows(400, 800)], None, [delay], sources=[log])
-    assert np.std((part - best[400:])[75:], axis=0).max() < 4e-4  # 1.5e-3 if it starts at rest
+    assert np.std((part - best[400:])[75:], 0).max() < 4e-4  # 1.5e-3 if it starts at rest
     assert rolled.totals[-1] < 1.1 * np.sqrt(np.mean((best - log.q)[150:] ** 2))
     export(robot, tmp_path / "result.json", tmp_path / "fitted.xml")
     again = Robot.load(tmp_path / "fitted.xml")
