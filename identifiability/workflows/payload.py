@@ -364,7 +364,7 @@ def find_gains(found: Differences, theta: Array, *, moments: bool) -> tuple[Quan
     gains = []
     for j, joint in enumerate(robot.joints):
         inverse, sd = _invert_gain(found, sums, j)
-        if not moments:
+        if inverse and not moments:  # a joint in which no load acts has no gain
             expected = np.array([np.inf, *[abs(inverse)] * 6])
             inverse, sd = _invert_gain(found, np.hstack([sums, unknown]), j, expected)
         gains.append(_state_gain(robot, joint, inverse, sd))
