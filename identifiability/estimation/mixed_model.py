@@ -477,8 +477,8 @@ class MixedModel:
         """Return terms with the member, size and odds that each has given the others."""
         for k, term in enumerate(terms):
             (again,) = self.gains(without(terms, k), [term.group])
-            new = {"member": again.member, "variance": again.variance, "odds": again.odds}
-            terms = (*terms[:k], replace(term, **new), *terms[k + 1 :])
+            new = replace(term, member=again.member, variance=again.variance, odds=again.odds)
+            terms = (*terms[:k], new, *terms[k + 1 :])
         return terms
 
     def search(self, most: int = 12) -> Terms:

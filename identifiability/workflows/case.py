@@ -1035,8 +1035,8 @@ def complete_model(data: Data, shares: Sequence[Share]) -> Data:
     hints = (*data.hints, *said)
     structure = Structure.of(data.robot, model)
     regression = structure.regression(data.samples)
-    new = {"structure": structure, "regression": regression, "hints": hints}
-    return replace(data, **new, lacked=data.missing)
+    found = replace(data, structure=structure, regression=regression, hints=hints)
+    return replace(found, lacked=data.missing)
 
 
 def apply_to_structure(reading: Reading, structure: Structure) -> Structure:

@@ -605,7 +605,7 @@ def _share_of(
         parts = [found.missing.entries.get((j, k), none) for k in columns.tolist()]
         torque = np.stack(parts, axis=1) / norms[j]
         slope += (torque @ levels) @ torque
-    slope = slope / max(slope @ levels, TINY)
+    slope /= max(float(slope @ levels), TINY)
     return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
 
 

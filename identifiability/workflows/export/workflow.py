@@ -390,8 +390,8 @@ def export(
             said += check_reading(read_fit(result, own), validate)
         if unseen.totals[1] > unseen.totals[0] and not force:
             errors = phrase("exported", "worse", told=unseen.told, file=out.name)
-            said = (*of_key(said, "reading_contradicted"), errors, lost)
-            raise IdentifiabilityError(" ".join(filter(None, said)))
+            reasons: list[str] = [*of_key(said, "reading_contradicted"), errors, lost]
+            raise IdentifiabilityError(" ".join(filter(None, reasons)))
     found = _describe(robot, content, given, write(out), wanted, unseen)
     found = replace(found, notes=(*said, *rises, *found.notes))
     if bent:
