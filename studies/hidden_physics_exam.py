@@ -192,7 +192,8 @@ def trace(d: Any, effect: dict[str, Any], truth: dict[str, Any]) -> dict[str, An
     def true(t: Term) -> bool:
         return t.group.place != EVERYWHERE and _is(*t.key, effect)
 
-    missing, model, level = found.asked, found.whole, truth["noise"]["level"]
+    missing, model = found.search.missing, found.search.model
+    level = truth["noise"]["level"]
     step = float(np.median(np.diff(found.fitted.seen.t)))
     rho = truth["noise"]["rho at 100 Hz"] ** (100.0 * step)
     put = [JointNoise(np.array([rho]), level * x * np.sqrt(1 - rho**2)) for x in truth["rms"]]
