@@ -148,7 +148,6 @@ def test_an_inspection_of_a_case_describes_every_log(two_logs, case):
     found = inspect(case)
     assert [r.name for r in found.records] == ["a", "b"]
     assert [r.name for r in inspect(Case(robot, logs[0])).records] == ["a, part 1", "a, part 2"]
-    assert found.hints == inspect(robot, logs[0]).hints
 
 
 def test_a_motion_after_a_case_is_about_its_fitted_logs_and_its_model(two_logs, case):

@@ -110,9 +110,8 @@ def test_a_finger_that_follows_is_fitted_rolled_out_and_exported(tmp_path, kind,
     if not gains:
         low, high = result.to_frame(details=True).set_index("name").loc["j1.Fc", "interval95"]
         assert low < 0.12 < high
-    result.to_json(tmp_path / "result.json")
     target = tmp_path / f"fitted{path.suffix}"
-    export(path, tmp_path / "result.json", target)
+    export(path, result, target)
     fitted = Robot.load(target)
     moved = predict(fitted, fitted, unseen, forward=True)
     # The step of the encoders is 1.5 mrad.

@@ -7,7 +7,7 @@ import re
 import pytest
 from numpy.random import default_rng
 
-from identifiability import IdentifiabilityError, Robot, analyze, diagnose, export, prune
+from identifiability import IdentifiabilityError, analyze, diagnose, export, prune
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.wording import in_python
 
@@ -109,4 +109,4 @@ def test_a_result_about_nothing_is_not_exported(arm, tmp_path):
     found = analyze("two-link", arm("noise"), replicates=20)
     sentence = f"^Nothing can be exported, because {WORSE} "
     with pytest.raises(IdentifiabilityError, match=sentence):
-        export(Robot.load("two-link"), found, tmp_path / "out.xml")
+        export("two-link", found, tmp_path / "out.xml")

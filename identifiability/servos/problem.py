@@ -188,7 +188,8 @@ class RolloutProblem:
         others = self._scales(x) - np.eye(len(x))[log_kp]
         bent = (np.expm1(-turn) + turn) @ others
         moved = x + step - bent
-        return np.where(bent == 0.0, moved, np.maximum(moved, 0.0))
+        possible = np.maximum(moved, 0.0)
+        return np.where(bent == 0.0, moved, possible)
 
     def _scales(self, x: Array) -> Array:
         """Return the direction in which each gain hardly changes the motion, (n, p).
@@ -406,7 +407,9 @@ class RolloutProblem:
         turn = (step * self.varied)[self.at("kp")]
         shrinks = (turn < 0) & is_rare & (servo.high < np.inf)
         moved = self.move(x, step)
-        moved[self.at("limit")[shrinks]] = (servo.high * np.exp(turn))[shrinks]
+        limits = self.at("limit")[shrinks]
+        smaller = servo.high * np.exp(turn)
+        moved[limits] = smaller[shrinks]
         return moved
 
     def _group_by_tree(self, numbers: np.ndarray) -> list[np.ndarray]:

@@ -606,7 +606,9 @@ def _share_of(
         torque = np.stack(parts, axis=1) / norms[j]
         slope += (torque @ levels) @ torque
     slope /= max(float(slope @ levels), TINY)
-    return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
+    share = float(slope @ sizes)
+    sd = float(np.sqrt(slope @ spread @ slope))
+    return share, sd
 
 
 def list_unchanged(found: Differences, terms: Terms) -> tuple[Unchanged, ...]:

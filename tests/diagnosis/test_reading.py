@@ -25,7 +25,6 @@ from identifiability.estimation.prediction import allow_offsets
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality import MeasuredLogs
 from identifiability.reading import choose_reading
-from identifiability.reading.candidates import list_legs
 from identifiability.reading.fit import TorqueRows
 from identifiability.reading.reading import Reading
 from identifiability.reading.verification import Verification
@@ -206,7 +205,7 @@ def test_a_spring_that_acts_as_a_body_in_any_motion_is_told_with_that_body(logs_
     row = found.to_frame().set_index("name").loc["link1.mx"]
     assert row.verdict == "sign only"
     assert row.lower < 2.05 < row.upper
-    made = export("two-link", found.to_json(tmp_path / "r.json"), tmp_path / "r.xml")
+    made = export("two-link", found, tmp_path / "r.xml")
     assert "act as these values do: link1.mx" in made.robot.read_text()
     one = diagnose("two-link", logs[:3], effects=["hysteresis"], forward=False)
     assert "counterweight in shoulder may" in one.statement
@@ -365,10 +364,6 @@ def test_a_column_is_as_large_as_in_the_rows_of_the_joint_that_it_is_read_at():
     logs = known(robot, replace(log, q=q, tau=tau))
     rows = TorqueRows.of(logs.structure, logs.samples)
     assert rows.fit(replace(Reading.literal(robot), order=np.array([1, 0]))).min() > np.log(0.5)
-
-
-def test_an_actuator_between_two_bodies_is_a_leg_of_its_own():
-    assert list_legs(Robot.load("six-actuators")) == [[k] for k in range(6)]
 
 
 def test_a_reading_that_other_rows_do_not_confirm_is_a_question_and_is_not_used(arm):

@@ -1,6 +1,5 @@
 """From robot and log to the model worth using, no truth, no simulation."""
 
-import json
 from itertools import pairwise
 
 import pytest
@@ -97,7 +96,7 @@ def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_
 
 
 def test_json_and_report_hold_the_ladder(pruned, tmp_path):
-    content = json.loads(pruned.to_json(tmp_path / "p.json").read_text())
+    content = pruned.to_dict()
     assert len(content["full_parameters"]) == 37
     page = pruned.write_report(tmp_path / "p.html").read_text()
     for words in ("12 of 37 parameters are enough", "What survives", "rotors"):
