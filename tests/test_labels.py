@@ -63,7 +63,7 @@ def test_an_offset_of_the_model_needs_no_second_one(monkeypatch):
 
 def test_one_value_has_one_error_and_a_reason_where_exports_get_another(found, tmp_path):
     report = found.write_report(tmp_path / "report.html").read_text()
-    assert report.count("only if the joints in brackets") == 1
+    assert report.count("offset of the joint in brackets") == 1
     rows = found.to_dict()["parameters"]
     (page,) = (t for t in found.tables() if t.long)
     pairs = list(zip(found.chosen.verdicts, rows, strict=True))

@@ -48,7 +48,7 @@ def test_the_odd_log_is_named_with_parameter_and_joint(mixed):
     said = "first, second and third disagree on elbow.Fc"
     (hint,) = (h for h in mixed.hints if h.startswith(said))
     assert hint in mixed.details
-    assert f"First add {mixed.missing.functions[0]} to the model (`diagnose`)" in hint
+    assert "`compare` finds the change and its log" in hint
 
 
 def test_the_interval_holds_the_values_of_both(equal, mixed):

@@ -385,15 +385,16 @@ def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tup
 
 
 def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
-    """Whether a named term gains beside any error of the law of the likeliest term of its joint.
+    """Whether a scale of torque gains beside any error of the law of the likeliest term there.
 
     The error of a law is a smooth function of the same coordinates. It is in the model as the
-    function of this joint that replaces the law best.
+    function of this joint that replaces the law best. Other effects are as small on real robots
+    because laws are wrong there, and then harm unseen motion.
     """
     term = terms[k]
     instead = model.gains(without(terms, likeliest))
     functions = [t for t in instead if t.group.unnamed and t.group.place == term.group.place]
-    if term.group.unnamed or not functions:
+    if term.group.family != TorqueScale.name or not functions:
         return False
     (again,) = model.gains((*without(terms, k), functions[0]), [term.group])
     return again.odds >= RULES.name + RULES.keep

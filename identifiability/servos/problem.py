@@ -194,14 +194,17 @@ class RolloutProblem:
     def _scales(self, x: Array) -> Array:
         """Return the direction in which each gain hardly changes the motion, (n, p).
 
-        A known kv does not grow with the gain. Fv grows in its place, and acts at once.
+        A known kv does not grow with the gain. Fv grows in its place, and acts at once. Numbers
+        that are not varied, as those of a bad joint, replace nothing.
         """
         log_kp = self.at("kp")
-        is_known = self.varied[log_kp] & ~self.over[KINDS.index("kv")]
+        can_grow = self.varied[log_kp] & self.varied[self.at("Fv")]
+        is_known = can_grow & ~self.over[KINDS.index("kv")]
         damping = is_known * self.unpack(x)[0]["kv"] / np.exp(x[log_kp])
         scales = np.eye(len(x))[log_kp]
         scales[:, self.at("Fv")] = np.diag(damping)
-        scales[:, self.at("Ia")] = -self.machine.servo.speed_age * np.diag(damping)
+        in_rotor = damping * self.varied[self.at("Ia")]
+        scales[:, self.at("Ia")] = -self.machine.servo.speed_age * np.diag(in_rotor)
         return scales
 
     # Positions and their errors.

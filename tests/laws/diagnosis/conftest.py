@@ -14,7 +14,8 @@ def make_rows(tau, **motion):
     n = len(tau)
     data = np.ones(tau.shape, bool)
     seen = SimpleNamespace(t=0.01 * np.arange(n), log=np.zeros(n, int), data=data)
-    rows = ResidualRows(seen, (), tau)
+    sample = SimpleNamespace(motion=SimpleNamespace(first=0.0, start=None))
+    rows = ResidualRows(seen, (sample,), tau)
     zero = np.zeros_like(tau)
     vars(rows)["states"] = tuple(motion.get(k, zero) for k in ("q", "dq", "ddq"))
     return rows
