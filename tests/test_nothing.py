@@ -43,7 +43,7 @@ def arm(simulated):
 
 
 def words(result, path):
-    text = result.write_report(path).read_text(encoding="utf-8")
+    text = result.write_report(path).read_text()
     text = re.sub(r"<(script|style)\b.*?</\1>", " ", text, flags=re.DOTALL)
     return re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]+>", " ", text)))
 
@@ -74,7 +74,7 @@ def check_numbers(content):
 )
 def test_a_result_about_nothing_says_the_same_everywhere(verb, options, arm, tmp_path):
     out = verb("two-link", arm("noise"), **options)
-    content = json.loads(out.to_json(tmp_path / "out.json").read_text(encoding="utf-8"))
+    content = json.loads(out.to_json(tmp_path / "out.json").read_text())
     page = words(out, tmp_path / "out.html")
     assert f"Nothing is identifiable, because {WORSE}." in out.details
     assert in_python(content["statement"]) == out.statement

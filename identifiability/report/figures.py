@@ -507,7 +507,7 @@ def draw_curve(
         )
     else:
         # A band that is thinner than the line cannot be seen: the legend leaves it out.
-        label = "95 %" if np.mean(high - low) > 0.02 * np.ptp(data) else None
+        label = "95 %" if 2 * REACH * np.mean(spread) > 0.02 * np.ptp(data) else None
         axes.fill_between(x[order], low, high, color=BLUE, alpha=0.2, linewidth=0, label=label)
         axes.plot(
             x[order],
