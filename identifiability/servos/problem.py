@@ -401,15 +401,17 @@ class RolloutProblem:
         A limit that acts only for moments after commands must not determine a gain: those moments
         depend on the rate of the servo and the step of the rollout.
         """
+        turn = (step * self.varied)[self.at("kp")]
+        moved = self.move(x, step)
+        if not (turn < 0).any():
+            return moved
         numbers, delays = self.unpack(x)
         servo = self.machine.servo.having(numbers)
         pairs = zip(self.logs, delays[self.source].tolist(), strict=True)
         torque = np.concatenate([servo_log(log, servo, late).tau for log, late in pairs])
         # Rare is a smaller share of rows than that by which gains are varied.
         is_rare = np.mean(np.abs(torque) >= servo.high, axis=0) < LATER
-        turn = (step * self.varied)[self.at("kp")]
         shrinks = (turn < 0) & is_rare & (servo.high < np.inf)
-        moved = self.move(x, step)
         limits = self.at("limit")[shrinks]
         smaller = servo.high * np.exp(turn)
         moved[limits] = smaller[shrinks]
