@@ -20,9 +20,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr, ndtri, softmax
 
-from identifiability.foundation.linalg import ROUNDOFF, find_chains
+from identifiability.foundation.linalg import ROUNDOFF, find_chains, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen, remember
 from identifiability.regression.information import ActuatorBlocks, Information, factor_each
@@ -198,6 +199,21 @@ class Solution(Normal):
         """Columns of each chain of the robot: values of two of them are independent."""
         return find_chains(self.factor != 0)
 
+    def evidence_of(self, sets: Sequence[np.ndarray]) -> Array:
+        """Return what each set of values adds to the likelihood, (sets,) [nat].
+
+        It is that of the values by which they differ from zero [Dickey 1971]. The density of their
+        prior at zero is left out.
+        """
+        value = self.value
+        added = np.zeros(len(sets))
+        for k, at in enumerate(sets):
+            factor = triangular_factor(self.root[:, at])
+            apart = solve_triangular(factor, value[at], trans="T")
+            log_sizes = np.log(np.abs(np.diag(factor)))
+            added[k] = 0.5 * apart @ apart + log_sizes.sum()
+        return added
+
 
 @frozen
 class Projected:
@@ -240,6 +256,16 @@ class Projected:
             padded = np.pad(values.T, ((0, 1), (0, 0)))[found[inside]]
             out[inside] += padded @ padded.swapaxes(-1, -2)
         return out
+
+
+#: Blocks of rows that are left out in turn: the others and the block of each.
+BlockFolds = Sequence[tuple[Information, Information]]
+
+
+def leave_out_each(blocks: Information) -> BlockFolds:
+    """Return each block with all others, whose products are then kept."""
+    each = np.arange(len(blocks.counts))
+    return [(blocks.take(np.delete(each, k)), blocks.take(each[[k]])) for k in each.tolist()]
 
 
 @frozen
@@ -525,10 +551,10 @@ class MixedModel:
         each = (self.gains(terms[:k], [t.group]) for k, t in enumerate(terms))
         return sum(t.odds for (t,) in each)
 
-    def evidence(self, terms: Terms, unseen: Information) -> float:
-        """Return the log predictive density of unseen rows, up to a constant.
+    def gains_on(self, terms: Terms, unseen: Information, sets: Sequence[Collection[int]]) -> Array:
+        """Return the gain of sets of terms on unseen rows, given the other terms, (sets,) [nat].
 
-        ``p(unseen | fitted) = p(both) / p(fitted)``.
+        The density of unseen rows is ``p(unseen | fitted) = p(both) / p(fitted)``.
         """
         columns = self._columns(terms)
         scale = self.scale[columns]
@@ -536,14 +562,17 @@ class MixedModel:
         target = self.target[columns]
         both = fitted + unseen.between(columns[:, None], columns) / np.outer(scale, scale)
         aim = target + unseen.between(columns, np.array(unseen.size)) / scale
-        before = self._solve(terms, columns, fitted, target).log_likelihood
-        return self._solve(terms, columns, both, aim).log_likelihood - before
+        owner = np.repeat(np.arange(len(terms)), [t.size for t in terms])
+        places = [self.fixed + np.flatnonzero(np.isin(owner, [*some])) for some in sets]
+        before = self._solve(terms, columns, fitted, target).evidence_of(places)
+        after = self._solve(terms, columns, both, aim).evidence_of(places)
+        gains: Array = after - before
+        return gains
 
     def news(self, terms: Terms, unseen: Information) -> list[float]:
         """Return the gain of each term on unseen rows, given the others [nat]."""
-        full = self.evidence(terms, unseen)
-        rest = (without(terms, k) for k in range(len(terms)))
-        return [full - self.evidence(others, unseen) for others in rest]
+        gains: list[float] = self.gains_on(terms, unseen, [[k] for k in range(len(terms))]).tolist()
+        return gains
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
         """Return the terms that unseen rows confirm, with their gains; the worst goes first.
@@ -562,19 +591,15 @@ class MixedModel:
             terms = without(terms, worst)
         return terms
 
-    def left_out(self, terms: Terms, blocks: Information, sets: Sequence[Collection[int]]) -> Array:
+    def left_out(self, terms: Terms, folds: BlockFolds, sets: Sequence[Collection[int]]) -> Array:
         """Return the gain of sets of terms, given the others, on blocks of rows, (sets,) [nat].
 
         Each block is predicted from all other blocks, with all terms and without those of a set.
         """
-        each = np.arange(len(blocks.counts))
         gains = np.zeros(len(sets))
-        rests = [tuple(t for k, t in enumerate(terms) if k not in some) for some in sets]
-        for block in each:
-            fitted = replace(self, products=blocks.take(np.delete(each, block)))
-            unseen = blocks.take(each[[block]])
-            full = fitted.evidence(terms, unseen)
-            gains += [full - fitted.evidence(rest, unseen) for rest in rests]
+        for others, block in folds:
+            fitted = replace(self, products=others)
+            gains += fitted.gains_on(terms, block, sets)
         return gains
 
     def rivals(self, terms: Terms, which: int) -> list[Term]:

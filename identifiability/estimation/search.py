@@ -21,13 +21,21 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate
-from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 
 from .evidence import LEVELS
 from .groups import NO_MISSING_EFFECTS, Excerpt, JointRows, Missing, MissingEffects, Share
-from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, without
+from .mixed_model import (
+    EVERYWHERE,
+    BlockFolds,
+    Group,
+    MixedModel,
+    Term,
+    Terms,
+    leave_out_each,
+    without,
+)
 from .rules import RULES
 
 #: Places of terms by their keys, each with its gain on left-out blocks [nat].
@@ -105,10 +113,13 @@ def name_terms(search: Search) -> Judged:
         if not better:
             break
         new = {t.key for t in better} - judged.keys
-        other = _judge(search, better, judged.refuted)
-        if not (new <= other.keys and _gains_as_much(other, judged)):
-            other = judged
-        judged = replace(other, tried=judged.tried | new)
+        tried = judged.tried | new
+        kept, gains = _confirm(search, better)
+        # Unseen rows are asked first: left-out blocks take far longer.
+        if _replaces(Judged(search, kept, gains, {}), judged, new):
+            other = _judge(search, better, judged.refuted)
+            judged = other if _replaces(other, judged, new) else judged
+        judged = replace(judged, tried=tried)
     improbable = {k for k, _ in _find_improbable(judged)}
     if not improbable:
         return judged
@@ -152,11 +163,16 @@ def _confirm(search: Search, found: Terms) -> tuple[Terms, dict[tuple[str, str],
     return kept, news | {t.key: t.unseen for t in kept}
 
 
-def _gains_as_much(one: Judged, other: Judged) -> bool:
-    """Whether names of one alone gain at least as much on unseen rows as those of the other."""
-    own = sum(one.unseen.get(key, 0.0) for key in one.keys - other.keys)
-    others = sum(other.unseen.get(key, 0.0) for key in other.keys - one.keys)
-    return own >= others
+def _replaces(other: Judged, judged: Judged, new: set[tuple[str, str]]) -> bool:
+    """Whether new names stand, and gain at least as much on unseen rows as those that they replace.
+
+    Without other rows than the fitted ones, that they stand is enough.
+    """
+    if other.search.unseen is None:
+        return new <= other.keys
+    own = sum(other.unseen.get(key, 0.0) for key in other.keys - judged.keys)
+    before = sum(judged.unseen.get(key, 0.0) for key in judged.keys - other.keys)
+    return new <= other.keys and own >= before
 
 
 def _exchange_improbable(judged: Judged) -> Terms:
@@ -291,12 +307,12 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Gains]:
     friction of the others. Its further places have no gain (nan).
     """
     rows = search.missing.seen
-    blocks = search.missing.products(rows, _block_edges(rows), among=found)
+    folds = leave_out_each(search.missing.products(rows, _block_edges(rows), among=found))
     owners, terms = _split_places(search, found)
     every = list(zip(owners, terms, strict=True))
     possible, gains = list[tuple[Term, float]](), np.empty(0)
     while terms:
-        gains, needed = _gains_left_out(search.model, terms, blocks)
+        gains, needed = _gains_left_out(search.model, terms, folds)
         odds = np.array([t.odds for t in search.model.update_terms(terms)])
         lacking = np.minimum(gains - needed, odds - RULES.name)
         gone = _choose_leaving(lacking, owners, terms)
@@ -359,7 +375,7 @@ def _block_edges(rows: Excerpt) -> list[int]:
     return edges
 
 
-def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tuple[Array, Array]:
+def _gains_left_out(model: MixedModel, terms: Terms, folds: BlockFolds) -> tuple[Array, Array]:
     """Return the gain of each term on left-out blocks, and the gain that it needs, (t,) [nat].
 
     A law is an approximation. The likeliest term of a joint may leave an error that other terms
@@ -371,7 +387,7 @@ def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tup
         here.setdefault(term.group.place, []).append(k)
     crowded = [some for some in here.values() if len(some) > 1]
     singles = ([k] for k in range(len(terms)))
-    found = model.left_out(terms, blocks, [*singles, *crowded])
+    found = model.left_out(terms, folds, [*singles, *crowded])
     gains, together = found[: len(terms)], found[len(terms) :]
     needed = np.full(len(terms), RULES.keep)
     for some, gain in zip(crowded, together.tolist(), strict=True):
@@ -385,16 +401,18 @@ def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tup
 
 
 def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
-    """Whether a scale of torque gains beside any error of the law of the likeliest term there.
+    """Return whether a scale of torque explains more than errors of the likeliest law there.
 
     The error of a law is a smooth function of the same coordinates. It is in the model as the
     function of this joint that replaces the law best. Other effects are as small on real robots
     because laws are wrong there, and then harm unseen motion.
     """
     term = terms[k]
+    if term.group.family != TorqueScale.name:
+        return False
     instead = model.gains(without(terms, likeliest))
     functions = [t for t in instead if t.group.unnamed and t.group.place == term.group.place]
-    if term.group.family != TorqueScale.name or not functions:
+    if not functions:
         return False
     (again,) = model.gains((*without(terms, k), functions[0]), [term.group])
     return again.odds >= RULES.name + RULES.keep
