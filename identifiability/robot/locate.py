@@ -275,7 +275,10 @@ def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> 
         root = ET.parse(BytesIO(read_bytes(path)), parser).getroot()
     except (ET.ParseError, OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise RobotError(f"{path} cannot be read as MJCF or URDF: {reason}.") from None
+        text = f"{path} cannot be read as MJCF or URDF: {reason}."
+        if path.suffix.lower() not in ENDINGS:
+            text += " Give the robot file first, then the logs."
+        raise RobotError(text) from None
     if root.tag not in roots:
         raise RobotError(
             f"{path} is not an MJCF or URDF file: its root element is <{root.tag}>, expected "

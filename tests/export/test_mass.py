@@ -38,6 +38,7 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, co
     assert first.startswith(f"The nearest physically consistent robot weighs {mass:.4g} kg, that")
     assert first.endswith("--set cad_prior=1 keeps it nearer to the file's proportions.")
     assert first.partition(":")[0] in result.details
+    assert "not determined" not in run.output
     light = analyze("3-rps", log, ladder=FULL, replicates=50, cad_prior=1.0)
     assert total_mass(light.robot, light.chosen.physical.parameters()) < 3 * 25.248
 
@@ -45,7 +46,6 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, co
 def test_three_times_the_file_is_the_limit_and_a_third_of_it():
     robot = Robot.load("two-link")  # 6.5 kg, of bodies with volume
     values = dict(robot.nominal)
-    assert not state_mass(robot, values)
     assert not state_mass(robot, values | {"link1.m": 4.0 + 12.99})
     assert "weighs 19.51 kg" in state_mass(robot, values | {"link1.m": 4.0 + 13.01})
     heavy = values | {"link1.m": 40.0}

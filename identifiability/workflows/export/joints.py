@@ -35,7 +35,7 @@ def describe_joints(
     """
     if not rows:
         return ()
-    lines = [(joint, [*_describe(joint, rows, values)]) for joint in robot.joints]
+    lines = [(joint, [*_describe(robot, joint, rows, values)]) for joint in robot.joints]
     each = [f"{joint}: {', '.join(parts)}" for joint, parts in lines if parts]
     far = [*_list_far(robot, rows, values)]
     if far:
@@ -54,7 +54,7 @@ def _list_far(
     for place, kind in pairs:
         name = f"{place}.{kind}"
         stated = robot.nominal.get(name, 0.0)
-        if name not in values or f"{kind}({place})" in sure or not stated > 0:
+        if name not in values or _label(robot, place, kind) in sure or not stated > 0:
             continue
         value = values[name]
         if not stated / RULES.another_robot <= value <= RULES.another_robot * stated:
@@ -68,15 +68,20 @@ def state_doubted(rows: Sequence[Mapping[str, Any]]) -> str:
     return for_terminal(phrase("exported", "doubted", names=names)) if names else ""
 
 
+def _label(robot: Robot, place: str, kind: str) -> str:
+    """Return the label of a parameter that the logs determine alone."""
+    return f"{kind}({robot.symbols.get(place, place)})"
+
+
 def _describe(
-    joint: str, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
+    robot: Robot, joint: str, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
 ) -> Iterator[str]:
     """Yield the numbers of a joint, each with its error or the reason why it has none."""
     for word, kind in WORDS.items():
         value = values.get(f"{joint}.{kind}")
         if value is None:
             continue
-        label = f"{kind}({joint})"
+        label = _label(robot, joint, kind)
         row = next((r for r in rows if r["label"] == label), None)
         if row is not None and row["interval95"] and row["verdict"] == Class.IDENTIFIABLE:
             low, high = row["interval95"]
