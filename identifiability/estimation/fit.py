@@ -457,7 +457,7 @@ def find_left_out(
 def _widen_disputed(
     meant: Array, submodel: Submodel, fit: Estimate, full: Estimate, sigma: Array
 ) -> tuple[Array, Array]:
-    """Return σ that covers the values of the unpruned model, (k,), and these values.
+    """Return σ that covers the intervals of the unpruned model, (k,), and its values.
 
     The values are NaN where σ was large enough.
 
@@ -480,9 +480,9 @@ def _widen_disputed(
     block = full.covariance[np.ix_(at, at)]
     own = np.einsum("ka,ab,kb->k", meant[:, at], block, meant[:, at])
     reach = REACH * np.sqrt(np.maximum(own, 0.0) * float(np.max(full.times)))
-    apart = np.abs(fit.value[kept] - value) - reach
-    grown = known & (apart > REACH * np.hypot(sigma, fit.sigma[kept]))
-    return np.where(grown, apart / REACH, sigma), np.where(grown, value, np.nan)
+    apart = np.abs(fit.value[kept] - value)
+    grown = known & (apart - reach > REACH * np.hypot(sigma, fit.sigma[kept]))
+    return np.where(grown, (apart + reach) / REACH, sigma), np.where(grown, value, np.nan)
 
 
 def _learn(left: Array) -> tuple[Array, Array]:
