@@ -360,7 +360,11 @@ class Missing:
             some = {k - self.fixed for t in among or () for k in t.columns.tolist()}
             some |= {k for c in self.candidates if c.family is REVERSALS for k in c.columns}
             own = [c for c in self.candidates if among is None or some & {*c.columns}]
-            entries = rows.entries(own)
+            if of is self.seen:
+                used = {k for c in own for k in c.columns}
+                entries = {at: x for at, x in self.entries.items() if at[1] in used}
+            else:
+                entries = rows.entries(own)
         p = self.fixed
         width = len(self.scale)
         of_joints = self.seen.X.swapaxes(0, 1)

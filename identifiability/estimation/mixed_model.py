@@ -253,7 +253,7 @@ class Projected:
             place[acts] = np.arange(len(acts))
             found = place[where]
             inside = (found < len(acts)).any(-1)
-            padded = np.pad(values.T, ((0, 1), (0, 0)))[found[inside]]
+            padded = np.vstack([values.T, np.zeros(len(values))])[found[inside]]
             out[inside] += padded @ padded.swapaxes(-1, -2)
         return out
 
@@ -320,16 +320,21 @@ class MixedModel:
         among = self._between(columns[:, None], columns)
         return self._solve(terms, columns, among, self.target[columns])
 
-    def _project(self, s: Solution, columns: np.ndarray) -> Projected:
-        """Return the parts of m columns along a solution."""
+    def _project(self, s: Solution, columns: np.ndarray, but: Sequence[int] = ()) -> Projected:
+        """Return the parts of m columns along a solution without some of its columns."""
         parts = []
         for chain in s.chains:
             own = s.columns[chain]
             products = self.products.between(own[:, None], columns)
-            acts = np.flatnonzero(products.any(0))
+            acts = np.flatnonzero((products != 0).any(0))
             units = np.outer(self.scale[own], self.scale[columns[acts]])
             root = s.root[np.ix_(chain, chain)]
-            parts.append((chain, acts, root @ (products[:, acts] / units)))
+            values = root @ (products[:, acts] / units)
+            left_out = np.isin(chain, but)
+            if left_out.any():
+                basis = np.linalg.qr(root[:, left_out])[0]
+                values -= basis @ (basis.T @ values)
+            parts.append((chain, acts, values))
         return Projected(len(columns), tuple(parts))
 
     def _columns(self, terms: Terms) -> np.ndarray:
@@ -385,20 +390,22 @@ class MixedModel:
             By default all that are not among the terms.
         """
         if among is not None:
-            return self._gains(terms, among)
+            return self._gains(self.solve(terms), among)
         key = tuple((t.group, t.member, t.variance) for t in terms)
-        return remember(self.made, key, lambda: self._gains(terms, self.beside(terms)), 4)
+        return remember(
+            self.made, key, lambda: self._gains(self.solve(terms), self.beside(terms)), 12
+        )
 
     @cached_property
     def made(self) -> dict[Any, Any]:
         """The last gains of all groups, by the terms that they were given."""
         return {}
 
-    def _gains(self, terms: Terms, asked: Sequence[Group]) -> list[Term]:
-        s = self.solve(terms)
+    def _gains(self, s: Solution, asked: Sequence[Group], but: Sequence[int] = ()) -> list[Term]:
+        """Return groups with their log odds, given a solution without some of its columns."""
         sets = [at for g in asked for at in g.members]
         every = np.unique(np.concatenate([np.empty(0, int), *sets]))
-        along = self._project(s, every)
+        along = self._project(s, every, but)
         left = self.target[every] - along.times(s.half)
         widths = np.array([len(at) for at in sets])
         places = [g.place for g in asked for _ in g.members]
@@ -501,11 +508,33 @@ class MixedModel:
 
     def update_terms(self, terms: Terms) -> Terms:
         """Return terms with the member, size and odds that each has given the others."""
+        s = self.solve(terms)
         for k, term in enumerate(terms):
-            (again,) = self.gains(without(terms, k), [term.group])
-            new = replace(term, member=again.member, variance=again.variance, odds=again.odds)
+            new = self._ask_again(s, terms, k)
             terms = (*terms[:k], new, *terms[k + 1 :])
+            if (new.member, new.variance) != (term.member, term.variance):
+                s = self.solve(terms)
         return terms
+
+    def odds_each(self, terms: Terms) -> Array:
+        """Return the log odds of each term given the others as they are, (t,)."""
+        s = self.solve(terms)
+        return np.array([self._ask_again(s, terms, k).odds for k in range(len(terms))])
+
+    def _ask_again(self, s: Solution, terms: Terms, k: int) -> Term:
+        """Return the k-th of terms with the member, size and odds given the others.
+
+        Parameters
+        ----------
+        s : Solution
+            Of all terms.
+        terms : tuple of Term
+        k : int
+        """
+        term = terms[k]
+        first = self.fixed + sum(t.size for t in terms[:k])
+        (again,) = self._gains(s, [term.group], range(first, first + term.size))
+        return replace(term, member=again.member, variance=again.variance, odds=again.odds)
 
     def search(self, most: int = 12) -> Terms:
         """Return the missing terms: add the best group, and remove groups that no longer gain.

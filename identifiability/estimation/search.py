@@ -42,6 +42,8 @@ from .rules import RULES
 Places = dict[tuple[str, str], dict[str, float]]
 #: Terms, each with a gain [nat].
 Gains = tuple[tuple[Term, float], ...]
+#: Terms that unseen rows confirm, and the gains of all terms there, by key [nat].
+Confirmed = tuple[Terms, dict[tuple[str, str], float]]
 
 
 @frozen
@@ -114,10 +116,10 @@ def name_terms(search: Search) -> Judged:
             break
         new = {t.key for t in better} - judged.keys
         tried = judged.tried | new
-        kept, gains = _confirm(search, better)
+        confirmed = _confirm(search, better)
         # Unseen rows are asked first: left-out blocks take far longer.
-        if _replaces(Judged(search, kept, gains, {}), judged, new):
-            other = _judge(search, better, judged.refuted)
+        if _replaces(Judged(search, *confirmed, {}), judged, new):
+            other = _judge_confirmed(search, better, confirmed, judged.refuted)
             judged = other if _replaces(other, judged, new) else judged
         judged = replace(judged, tried=tried)
     improbable = {k for k, _ in _find_improbable(judged)}
@@ -133,7 +135,14 @@ def _judge(search: Search, found: Terms, refuted: Gains = ()) -> Judged:
 
     `refuted` are those of earlier judgements.
     """
-    kept, gains = _confirm(search, found)
+    return _judge_confirmed(search, found, _confirm(search, found), refuted)
+
+
+def _judge_confirmed(
+    search: Search, found: Terms, confirmed: Confirmed, refuted: Gains = ()
+) -> Judged:
+    """Return the terms that left-out blocks confirm, too."""
+    kept, gains = confirmed
     places, possible = _ask_left_out(search, kept) if kept else ({}, ())
     standing = {t.key for t in kept}
     news = ((t, gains[t.key]) for t in found if t.key not in standing)
@@ -144,7 +153,7 @@ def _judge(search: Search, found: Terms, refuted: Gains = ()) -> Judged:
     return Judged(search, kept, gains, places, refuted, possible)
 
 
-def _confirm(search: Search, found: Terms) -> tuple[Terms, dict[tuple[str, str], float]]:
+def _confirm(search: Search, found: Terms) -> Confirmed:
     """Return the terms that unseen rows do not refute, and the gains of all terms there, by key."""
     if not found:
         return (), {}
@@ -313,8 +322,7 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Gains]:
     possible, gains = list[tuple[Term, float]](), np.empty(0)
     while terms:
         gains, needed = _gains_left_out(search.model, terms, folds)
-        odds = np.array([t.odds for t in search.model.update_terms(terms)])
-        lacking = np.minimum(gains - needed, odds - RULES.name)
+        lacking = np.minimum(gains - needed, search.model.odds_each(terms) - RULES.name)
         gone = _choose_leaving(lacking, owners, terms)
         if not gone:
             break

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
+from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal, norm
 
 from identifiability import Log, Robot, prepare_log, simulate
@@ -20,6 +21,7 @@ from identifiability.estimation.mixed_model import (
     Term,
     one_of,
     whitened_information,
+    without,
 )
 from identifiability.estimation.noise import JointNoise, JointRuns, split_runs, whiten
 from identifiability.estimation.search import find_missing
@@ -34,12 +36,7 @@ PACF, SIGMA = (np.array([0.6]), np.array([0.5, -0.3])), (0.7, 1.3)
 RUNS = JointRuns((((0, 20), (23, 41), (41, 60)), ((2, 30), (31, 58))))
 
 
-def noise_of(pacf, sigma):
-    each = zip(pacf, sigma, strict=True)
-    return tuple(JointNoise(p, s) for p, s in each)
-
-
-NOISE = noise_of(PACF, SIGMA)
+NOISE = tuple(map(JointNoise, PACF, SIGMA))
 
 
 def draw_rows(seed):
@@ -83,12 +80,7 @@ def dense(Z, y, runs=RUNS):
             values.append(y[a:b, j])
             A = whiten(np.eye(b - a), [(0, b - a)], PACF[j])
             blocks.append(SIGMA[j] ** 2 * np.linalg.inv(A.T @ A))
-    V = np.zeros((sum(map(len, values)),) * 2)
-    at = 0
-    for block in blocks:
-        V[at : at + len(block), at : at + len(block)] = block
-        at += len(block)
-    return np.concatenate(rows), np.concatenate(values), V
+    return np.concatenate(rows), np.concatenate(values), block_diag(*blocks)
 
 
 def restricted(X, y, V):
@@ -130,7 +122,7 @@ def test_gains_are_marginal_likelihoods_averaged_over_shapes_sizes_and_signs(row
     Z = A[:, beside.columns] / model.scale[beside.columns]
     V = V + beside.variance * Z @ Z.T
     X = A[:, :FIXED]
-    without = restricted(X, y, V)
+    bare = restricted(X, y, V)
     for found in model.gains((beside,)):
         group = found.group
         odds, signs = np.zeros((2, len(group.members), len(SIZES)))
@@ -138,7 +130,7 @@ def test_gains_are_marginal_likelihoods_averaged_over_shapes_sizes_and_signs(row
             Z = A[:, at] / model.scale[at]
             for k, size in enumerate(SIZES):
                 whole = V + size**2 * Z @ Z.T
-                odds[i, k] = np.exp(restricted(X, y, whole) - without)
+                odds[i, k] = np.exp(restricted(X, y, whole) - bare)
                 W = np.linalg.inv(whole)
                 P = W - W @ X @ np.linalg.solve(X.T @ W @ X, X.T @ W)
                 u = size**2 * Z.T @ P @ y
@@ -148,6 +140,13 @@ def test_gains_are_marginal_likelihoods_averaged_over_shapes_sizes_and_signs(row
             signs[2] = signs[np.argmax(odds[:2].max(1))]
             odds *= signs
         assert found.odds == pytest.approx(np.log(odds.mean()) - group.price, abs=1e-4)
+
+
+def test_one_solution_tells_the_odds_of_each_term_given_the_others(rows):
+    model = model_of(products_of(*rows))
+    terms = tuple(Term(g, 0, 0.3, 0.0) for g in GROUPS)
+    each = [model.gains(without(terms, k), [g])[0].odds for k, g in enumerate(GROUPS)]
+    assert_allclose(model.odds_each(terms), each)
 
 
 def test_products_add_up_over_blocks(rows):
