@@ -480,6 +480,20 @@ class Regression:
         vars(other)["_kept"] = self._kept
         return other
 
+    def with_torque(self, samples: Sequence[Dataset]) -> Regression:
+        """Return these columns, with their chunks, beside other torque along the same motion."""
+        size = rows_at_once(self.robot, self.model.widths(self.robot))
+        kept = list[list[Chunk] | None]()
+        for chunks, log in zip(self._kept, samples, strict=True):
+            if not chunks:
+                kept.append(None if chunks is None else [])
+                continue
+            pairs = zip(chunks, log.pieces(size), strict=True)
+            kept.append([replace(chunk, tau=p.torque, raw=p.raw) for chunk, p in pairs])
+        other = replace(self, samples=tuple(samples))
+        vars(other)["_kept"] = kept
+        return other
+
     @cached_property
     def _kept(self) -> list[list[Chunk] | None]:
         """Where chunks of each log are kept; None if they take too much memory."""

@@ -65,7 +65,7 @@ class SharedErrors:
 
 def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
     """Return the changes of fitted values by delays, gains and noise of the motion."""
-    delayed = tuple(_gather_again(rows.data, logs) for logs in rows.data.recordings.later)
+    delayed = tuple(_gather_delayed(rows.data, logs) for logs in rows.data.recordings.later)
     others = {"delay": delayed} if delayed else {}
     if _motion_is_noisy(rows):
         fitted = enumerate(rows.data.recordings.fitted)
@@ -102,11 +102,22 @@ def _motion_is_noisy(rows: WeightedRows) -> bool:
 
 def _gather_again(data: Data, logs: Mapping[int, Log]) -> Information:
     """Return the information with some fitted logs in another version, by their place."""
+    rows = gather_information(data.structure.regression(_prepare_again(data, logs)))
+    return with_known(rows, data.structure.known)
+
+
+def _gather_delayed(data: Data, logs: Mapping[int, Log]) -> Information:
+    """Return the same where only the torque of these logs is another."""
+    rows = gather_information(data.regression.with_torque(_prepare_again(data, logs)))
+    return with_known(rows, data.structure.known)
+
+
+def _prepare_again(data: Data, logs: Mapping[int, Log]) -> list[Dataset]:
+    """Return the samples with some fitted logs in another version."""
     samples = list(data.samples)
     for k, log in logs.items():
         samples[k] = measure_again(data.robot, log, samples[k], data.preparation)
-    rows = gather_information(data.structure.regression(samples))
-    return with_known(rows, data.structure.known)
+    return samples
 
 
 def measure_again(robot: Robot, log: Log, prepared: Dataset, how: Preparation) -> Dataset:
