@@ -205,11 +205,14 @@ class Solution(Normal):
         It is that of the values by which they differ from zero [Dickey 1971]. The density of their
         prior at zero is left out.
         """
-        value = self.value
+        # The factor's last rows hold all about the last values.
+        first = min((int(at.min()) for at in sets), default=0)
+        last = Normal(self.factor[first:, first:], self.half[first:])
+        value = last.value
         added = np.zeros(len(sets))
         for k, at in enumerate(sets):
-            factor = triangular_factor(self.root[:, at])
-            apart = solve_triangular(factor, value[at], trans="T")
+            factor = triangular_factor(last.root[:, at - first])
+            apart = solve_triangular(factor, value[at - first], trans="T")
             log_sizes = np.log(np.abs(np.diag(factor)))
             added[k] = 0.5 * apart @ apart + log_sizes.sum()
         return added

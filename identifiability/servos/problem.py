@@ -15,6 +15,7 @@ import numpy as np
 from identifiability.effects.vocabulary import drop_follower_friction
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import remember
 from identifiability.logs import Log, signals
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
@@ -70,6 +71,8 @@ class RolloutProblem:
         self.machine = machine
         #: Robots by which joints integrate, because their models are built anew.
         self.integrating = dict[tuple[bool, ...], CommandedRobot]()
+        #: The last robots with sized bodies.
+        self.sized = dict[Any, CommandedRobot]()
         self.windows = windows
         self.shares = shares or {}
         self.trees = machine.trees
@@ -237,7 +240,9 @@ class RolloutProblem:
                 self.integrating[pattern] = machine
         logs_of_sizes = np.exp(2 * numbers["sizes"])
         sizes = dict(zip(self.shares, logs_of_sizes.tolist(), strict=True))
-        return machine.resized(sizes), numbers, delays
+        key = (machine, *sizes.values())
+        sized = remember(self.sized, key, lambda: machine.resized(sizes), 2)
+        return sized, numbers, delays
 
     def rows(self) -> np.ndarray:
         """Return where the judged rows of each window begin and end, (windows + 1,) int."""

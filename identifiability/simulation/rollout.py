@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import compress
 from typing import Any
 
@@ -26,7 +26,7 @@ from mujoco import rollout
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import frozen, remember
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import acting
 from identifiability.robot import Robot
@@ -169,6 +169,8 @@ class CommandedRobot:
         # Diverging rollouts are not restarted.
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.places = ServoPlaces.of(self.model, robot)
+        #: The last targets of servos along logs.
+        self.acting = dict[Any, Array]()
         #: Actuators of the joints, which also subtract offsets.
         numbers = [self.model.actuator(j).id for j in robot.joints]
         self.actuators = np.array(numbers, int)
@@ -333,7 +335,10 @@ class CommandedRobot:
         ahead = next(iter((since - log.t)[since < log.t]), 0.0)
         begin = (float((delay + ahead) / h) % 1.0 - 0.5) * h
         times = log.t[0] + begin + h * np.arange(steps)
-        control = acting(log, servo, times, h, delay)
+        # Robots that are rolled out together differ in numbers that targets do not depend on.
+        key = (log, servo.kp.tobytes(), servo.kv.tobytes(), h, delay)
+        targets = partial(acting, log, servo, times, h, delay)
+        control = remember(self.acting, key, targets, 50)
         q, slope = self._forward.tie(log.q[0])
         v = slope @ speed
         a0 = self._acceleration(model, data, q, v, control[0])
