@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import find_families
-from identifiability.effects.base import apply_tilt
+from identifiability.effects.base import GravityTilt, apply_tilt
+from identifiability.effects.measurement import TorqueScale
 from identifiability.estimation.differences import (
     EXCERPT,
     LACKS,
@@ -26,6 +27,7 @@ from identifiability.estimation.mixed_model import Terms
 from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.linalg import ROUNDOFF, or_one, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
@@ -86,6 +88,18 @@ class Sides:
         if fewest < LOG_RULES.fewest or fewest * len(seen.robot.joints) <= values:
             raise LogError(Finding("sides.few", samples=fewest, values=values))
         return seen
+
+    def fit_unchanged(self, submodel: Submodel) -> tuple[Excerpt, Array]:
+        """Return the rows of all logs, and the base parameters (b,) of the second side.
+
+        Raises
+        ------
+        LogError
+        """
+        seen = self.look(len(submodel))
+        second = seen.log >= self.count
+        X, y = seen.X[second], seen.y[second]
+        return seen, pooled_values(X, y, submodel.M, submodel.fixed)
 
 
 def find_differences(
@@ -161,13 +175,10 @@ def list_sessions(logs: int, later: int) -> list[Array]:
 
 def find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:
     """Return possible changes between the sides or in single logs, under a model."""
-    seen = sides.look(len(submodel))
-    count = sides.count
-    unchanged = seen.log >= count
-    values = pooled_values(seen.X[unchanged], seen.y[unchanged], submodel.M, submodel.fixed)
+    seen, values = sides.fit_unchanged(submodel)
     known = Known.nothing(submodel.M, values)
     bodies = tool_bodies(structure.robot)
-    patterns = list_sessions(len(sides.samples), count)
+    patterns = list_sessions(len(sides.samples), sides.count)
     return find_differences(structure, seen, bodies, known, patterns, warms=True)
 
 
@@ -226,6 +237,8 @@ def find_loads(data: Data, submodel: Submodel) -> list[Change]:
     assert data.unseen is not None
     sides = Sides(len(data.validation), data.unseen.followed_by(data.regression))
     try:
+        if not _may_explain_most(sides, data.structure, submodel):
+            return []
         found = find_changes(sides, data.structure, submodel)
     except LogError:  # too few samples to compare
         return []
@@ -237,6 +250,39 @@ def find_loads(data: Data, submodel: Submodel) -> list[Change]:
     if sure and _explains_most(found, terms, sides.count):
         return sure
     return []
+
+
+def _may_explain_most(sides: Sides, structure: Structure, submodel: Submodel) -> bool:
+    """Return whether any loads of the first logs can explain most of their squared error.
+
+    Least squares in each log explain no less than a search does, and take far less time. Loads act
+    in other columns if the model has a tilt, and on other torque if it has scales.
+    """
+    families = {family for family, _ in structure.present}
+    if families & {GravityTilt.name, TorqueScale.name}:
+        return True
+    seen, known = sides.fit_unchanged(submodel)
+    owners = [p.owner for p in structure.parameters]
+    bodies = tool_bodies(structure.robot)
+    loads = np.isin(owners, bodies)
+    of_loads = structure.G[:, loads]
+    residual = seen.residual(known)
+    error = remaining = 0.0
+    for log in range(sides.count):
+        of_log = seen.log == log
+        rows = seen.data & of_log[:, None]
+        columns = seen.X[rows] @ of_loads
+        both = np.column_stack([columns, residual[rows]])
+        R = triangular_factor(both)
+        target = R[:, -1]
+        factor = R[:, :-1]
+        length = or_one(np.linalg.norm(factor, axis=0))
+        unit = factor / length
+        values = np.linalg.lstsq(unit, target, rcond=ROUNDOFF)[0]
+        unexplained = target - unit @ values
+        error += float(target @ target)
+        remaining += float(unexplained @ unexplained)
+    return 2 * remaining < error
 
 
 def _explains_most(found: Differences, terms: Terms, count: int) -> bool:
