@@ -541,9 +541,12 @@ def _measure_errors(
     rows = [[f.get(name, 0.0) for name in structure.columns] for f in accounts]
     phi = np.array(rows).T
     first = [structure.columns.index(n) == k for k, n in enumerate(structure.columns)]
-    regression = Regression(robot, structure.model, tuple(samples))
     counted_once = phi * np.array(first)[:, None]
-    errors = predict(regression, counted_once).relative_error()
-    if robot.tilt is not None:
+    regression = Regression(robot, structure.model, tuple(samples))
+    if robot.tilt is None:  # bodies along the base columns were computed already
+        regression = replace(regression, columns=structure.base.kept)
+        errors = predict(regression, structure.G @ counted_once).relative_error()
+    else:
+        errors = predict(regression, counted_once).relative_error()
         errors[3:] = np.nan
     return list(errors)

@@ -9,17 +9,20 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Annotated, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from identifiability.effects import Effect, Part, Placed, find_effect, find_family
 from identifiability.effects.effect import fill_measured
+from identifiability.effects.inertia import RigidBody
 from identifiability.effects.registry import split_places
 from identifiability.foundation.engines import Engine, Result, Serial, Steps
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.stages import Stages
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset, Piece
 from identifiability.logs.rows import forget
@@ -350,12 +353,11 @@ class LogPart:
     def _computed(self, windows: np.ndarray | None = None) -> Iterator[Chunk]:
         """Yield its chunks, or those of some windows of its outputs."""
         r = self.regression
-        widths = r.model.widths(r.robot)
         both = [*r.samples, *(r.instruments or ())]
-        size = rows_at_once(r.robot, widths)
+        size = rows_at_once(r.robot, r._widths)
         for piece, *others in zip(*(x.pieces(size, windows) for x in both), strict=False):
             t = piece.motion.t[piece.at]
-            W, *instruments = (self._regressor(x, widths) for x in (piece, *others))
+            W, *instruments = (self._regressor(x) for x in (piece, *others))
             if any(V.shape != W.shape for V in instruments):
                 raise ValueError("instruments need as many samples as the log that they stand for")
             velocity = piece.motion.actuated_v[piece.at]
@@ -366,30 +368,28 @@ class LogPart:
             what = piece.weighed(W), piece.torque, piece.raw, t, velocity, moves, V
             yield Chunk(self.log, self.start + piece.first, *what)
 
-    def _regressor(self, piece: Piece, widths: Sequence[int]) -> Array:
+    def _regressor(self, piece: Piece) -> Array:
         r = self.regression
-        piece = piece.sparse
-        acts, acting = self._acting(piece.motion, widths)
-        joints, places = np.nonzero(acts)
-        acting = acting if r.dwelling else piece.silenced(acting, joints)
-        low_passed = piece.down(acting)
-        out = np.zeros((len(low_passed), *acts.shape))
-        out[:, joints, places] = low_passed
+        count = len(piece.moves)
+        stop = piece.first + count
+        out = np.zeros((count, len(r.robot.actuated), len(r._chosen)))
+        shared = self.kept is not None and r.instruments is None
+        for places, share in r._shares:
+            if shared and share.model.names == (RigidBody.name,):
+                acts, rows = share._all_acting()
+                rows = rows[piece.first : stop]
+            else:
+                acts, rows = share._acting(piece)
+            joints, columns = np.nonzero(acts)
+            out[:, joints, places[columns]] = rows
         return out
 
-    def _acting(self, motion: Motion, widths: Sequence[int]) -> tuple[Array, Array]:
-        """Return which columns are not zero, (n, p) bool, and the values of those, (N, k)."""
-        r = self.regression
-        columns = np.arange(sum(widths)) if r.columns is None else r.columns
-        blocks = []
-        for W in compute_blocks(r.model, r.robot, motion, widths):
-            acts = np.asarray(W.any(0))[:, columns]
-            joints, places = np.nonzero(acts)
-            flat = W.reshape(len(W), -1)
-            blocks.append((acts, np.take(flat, W.shape[2] * joints + columns[places], axis=1)))
-        every = np.any([acts for acts, _ in blocks], axis=0)
-        values = [_spread(x, acts[every]) for acts, x in blocks]
-        return every, np.concatenate(values)
+
+def _join(blocks: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Return which columns are not zero in any block, (n, p) bool, and their values, (N, k)."""
+    every = np.any([acts for acts, _ in blocks], axis=0)
+    values = [_spread(x, acts[every]) for acts, x in blocks]
+    return every, np.concatenate(values)
 
 
 def _spread(x: Array, places: Array) -> Array:
@@ -406,6 +406,9 @@ def _spread(x: Array, places: Array) -> Array:
 
 #: Rows are kept up to this size, not computed again [bytes].
 KEEP_BYTES: Tolerance = 150e6
+
+#: Columns of bodies by motion and tree: models of one robot have them in common.
+_OF_BODIES: WeakKeyDictionary[Motion, WeakKeyDictionary[Any, Stages]] = WeakKeyDictionary()
 
 
 @frozen
@@ -441,10 +444,70 @@ class Regression:
             return every
         return tuple(every[k] for k in self.columns)
 
+    @cached_property
+    def _widths(self) -> list[int]:
+        """Number of columns of each effect of the model."""
+        return self.model.widths(self.robot)
+
     @property
     def outputs(self) -> int:
         """Number of samples after decimation, over all logs."""
         return sum(s.outputs for s in self.samples)
+
+    @cached_property
+    def _shares(self) -> list[tuple[np.ndarray, Regression]]:
+        """Columns of rigid bodies, and all others: their places, and the regression of these."""
+        effects = self.model.effects
+        widths = np.array(self._widths)
+        rigid = np.array([isinstance(e, RigidBody) for e in effects])
+        of_bodies = np.repeat(rigid, widths)
+        columns = self._chosen
+        out = []
+        for chosen in (True, False):
+            among = of_bodies == chosen
+            places = np.flatnonzero(among[columns])
+            if not len(places):
+                continue
+            at = np.flatnonzero(rigid == chosen)
+            numbers = np.cumsum(among) - 1
+            model = Model(tuple(effects[k] for k in at))
+            share = replace(self, model=model, columns=numbers[columns[places]])
+            vars(share)["_widths"] = widths[at].tolist()
+            out.append((places, share))
+        return out
+
+    @property
+    def _chosen(self) -> np.ndarray:
+        """Columns of the model that are computed, (b,)."""
+        if self.columns is None:
+            return np.arange(sum(self._widths))
+        return self.columns
+
+    def _acting(self, piece: Piece) -> tuple[Array, Array]:
+        """Return which columns are not zero, (n, p) bool, and their low-passed values, (m, k)."""
+        piece = piece.sparse
+        columns = self._chosen
+        blocks = []
+        for W in compute_blocks(self.model, self.robot, piece.motion, self._widths):
+            acts = np.asarray(W.any(0))[:, columns]
+            joints, places = np.nonzero(acts)
+            flat = W.reshape(len(W), -1)
+            at = W.shape[2] * joints + columns[places]
+            blocks.append((acts, np.take(flat, at, axis=1)))
+        acts, values = _join(blocks)
+        if not self.dwelling:
+            joints = np.nonzero(acts)[0]
+            values = piece.silenced(values, joints)
+        return acts, piece.down(values)
+
+    def _all_acting(self) -> tuple[Array, Array]:
+        """Return the same for all outputs of the only log, kept for other models of the tree."""
+        (samples,) = self.samples
+        trees = _OF_BODIES.setdefault(samples.motion, WeakKeyDictionary())
+        stages = trees.setdefault(self.robot.model, Stages())
+        inputs = samples.weight, samples.decimation, self.robot.torque, self.dwelling
+        columns = tuple(self._chosen.tolist())
+        return stages.once(_gather_acting, *inputs, columns, regression=self)
 
     @cached_property
     def windows(self) -> tuple[np.ndarray, ...]:
@@ -500,6 +563,14 @@ class Regression:
         width = len(self.parameters) * (1 if self.instruments is None else 2)
         size = 8 * self.outputs * len(self.robot.actuated) * width
         return [None if x.long or size >= KEEP_BYTES else [] for x in self.samples]
+
+
+def _gather_acting(*_: Any, regression: Regression) -> tuple[Array, Array]:
+    """Return the columns that act along the only log of a regression, for `_all_acting`."""
+    (samples,) = regression.samples
+    size = rows_at_once(regression.robot, regression._widths)
+    pieces = samples.pieces(size)
+    return _join([regression._acting(piece) for piece in pieces])
 
 
 def map_parts(
