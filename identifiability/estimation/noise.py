@@ -201,10 +201,19 @@ class LaggedProducts:
 
 
 def whitening_filter(pacf: Array) -> Array:
-    """Return the filter (p + 1,) of the highest order that whitens, linear in each of pacf."""
-    a = np.zeros(HIGHEST_ORDER + 1)
-    reflected = levinson(pacf)[0][-1]
-    a[0], a[1 : len(pacf) + 1] = 1.0, -reflected
+    """Return the filters (…, P + 1) of the highest order that whiten, linear in each of pacf.
+
+    Parameters
+    ----------
+    pacf : (…, p)
+        Partial autocorrelations.
+    """
+    a = np.zeros((*pacf.shape[:-1], HIGHEST_ORDER + 1))
+    a[..., 0] = 1.0
+    for k in range(pacf.shape[-1]):
+        before = a[..., : k + 2]
+        reflected = pacf[..., [k]] * before[..., ::-1]
+        a[..., : k + 2] = before - reflected
     return a
 
 
@@ -283,12 +292,12 @@ class RestrictedLikelihood:
             order = 2.0 * lagged.runs * np.arange(1, len(pacf) + 1)
             square = max(1.0 / float(inverse[-1, -1]), TINY**2)
             sized = inverse + (self.dof - 1) * square * np.outer(inverse[-1], inverse[-1])
-            turn = [0.5 * (whitening_filter(pacf + 2 * e) - a) for e in np.eye(len(pacf))]
+            turn = 0.5 * (whitening_filter(pacf + 2 * np.eye(len(pacf))) - a)
             by = np.tensordot(lagged.products, sized) @ a
             by += self.floor * sized[-1, -1] * lagged.white * a
             value = self.dof * np.log(square / self.dof) - np.log(square) + size + none
             value -= 0.5 * float(order @ np.log1p(-(pacf**2)))
-            slope = order * pacf + 2.0 * (1 - pacf**2) * np.array([x @ by for x in turn])
+            slope = order * pacf + 2.0 * (1 - pacf**2) * (turn @ by)
             return value, slope, float(np.sqrt(square / self.dof)) * self.scale
 
         return of
