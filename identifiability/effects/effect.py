@@ -328,6 +328,8 @@ class Shaped(AlongAxes):
 
     shape_size: ClassVar[int] = 1
 
+    #: What its equation calls the shape.
+    symbol: ClassVar[str] = ""
     #: The shape where none is stated: at an axis that turns, and at one that slides.
     usual: ClassVar[tuple[float, float]]
     #: Effects that its curve becomes as the shape goes to zero, and to infinity; empty where the

@@ -171,6 +171,7 @@ class StribeckFriction(Shaped):
     source = "[Olsson 1998, Eq. 4]; [Díaz 2010, Eq. 20] prints it without minus sign"
     of_drive = True
     units = (("Fs", "N·m", "N"),)
+    symbol = "vs"
     nonnegative = True
     limits = ("coulomb_friction", "coulomb_friction")
 
@@ -210,6 +211,7 @@ class RisingFriction(StribeckFriction):
     equation = "τ = −Fr exp(−|q̇/vr|) sign(q̇)"
     source = "[Olsson 1998, Eq. 4] with a static level below that of Coulomb"
     units = (("Fr", "N·m", "N"),)
+    symbol = "vr"
 
     def curves(self, at: Along) -> list[Array]:
         """Return what is missing at low speed."""
@@ -242,6 +244,7 @@ class SigmoidFriction(StribeckFriction):
     equation = "τ = Ft tanh(q̇/vt)"
     source = "[Gaz 2019]"
     units = (("Ft", "N·m", "N"),)
+    symbol = "vt"
     limits = ("coulomb_friction", "viscous_friction")
 
     def curves(self, at: Along) -> list[Array]:

@@ -337,13 +337,23 @@ class Differences:
 
         Friction by base parameters (b,), of both directions the mean; 1 for a gain.
         """
-        known = list(zip(self.names, base.tolist(), strict=False))
-        out = list[float]()
-        for c, name, _ in self.columns:
-            own = [x for other, x in known if other.startswith(name)]
-            friction = float(np.mean(own)) if own and c.kind == "friction" else 0.0
-            out.append(1.0 if c.kind == "gain" else friction)
-        return np.array(out)
+        gains = np.array([c.kind == "gain" for c, *_ in self.columns], float)
+        return gains + self._friction_levels @ base[: len(self.names)]
+
+    def level_errors(self, covariance: Array) -> Array:
+        """Return the standard errors of levels, (C,), from the covariance of known values (p, p)."""
+        slopes = self._friction_levels @ self.known.directions[: len(self.names)]
+        return np.sqrt(np.einsum("ci,ij,cj->c", slopes, covariance, slopes))
+
+    @cached_property
+    def _friction_levels(self) -> Array:
+        """What averages base parameters to the friction that each column changes, (C, names)."""
+        out = np.zeros((len(self.columns), len(self.names)))
+        for row, (c, name, _) in zip(out, self.columns, strict=True):
+            own = [k for k, other in enumerate(self.names) if other.startswith(name)]
+            if own and c.kind == "friction":
+                row[own] = 1.0 / len(own)
+        return out
 
     @cached_property
     def scale(self) -> Array:

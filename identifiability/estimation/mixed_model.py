@@ -484,14 +484,11 @@ class MixedModel:
         towards : (k,)
             Values of the columns of its first member at an amount of one.
         """
-        s = self.solve(terms)
         every = np.unique(np.concatenate(group.members))
-        along = self._project(s, every)
-        whole = self._between(every[:, None], every)
+        whole, inside = self._products_given(terms, every)
         planted = np.zeros(len(every))
         scales = self.scale[group.members[0]]
         planted[np.searchsorted(every, group.members[0])] = towards * scales
-        inside = along.squares(np.arange(len(every)))
         left = (whole - inside) @ planted
         information = float(planted @ left)
         if not information > THIN * float(planted @ whole @ planted):
@@ -508,6 +505,31 @@ class MixedModel:
         odds = likely - np.log(each.shape[1]) - group.price
         named = AMOUNTS[int(np.argmax(odds >= RULES.name))]
         return float((named + SEEN) * standard_error)
+
+    def standard_error(self, terms: Terms, columns: np.ndarray, towards: Array) -> float:
+        """Return the standard error of an amount of further columns, given some terms.
+
+        Infinite if the rows do not show them.
+
+        Parameters
+        ----------
+        terms : tuple of Term
+            That are in the model, with values of their own.
+        columns : (k,) int
+        towards : (k,)
+            Values of the columns at an amount of one.
+        """
+        whole, inside = self._products_given(terms, columns)
+        planted = towards * self.scale[columns]
+        information = float(planted @ (whole - inside) @ planted)
+        shown = information > THIN * float(planted @ whole @ planted)
+        return 1.0 / np.sqrt(information) if shown else np.inf
+
+    def _products_given(self, terms: Terms, columns: np.ndarray) -> tuple[Array, Array]:
+        """Return products (k, k) of columns, and their part that some terms explain."""
+        along = self._project(self.solve(terms), columns)
+        whole = self._between(columns[:, None], columns)
+        return whole, along.squares(np.arange(len(columns)))
 
     def update_terms(self, terms: Terms) -> Terms:
         """Return terms with the member, size and odds that each has given the others."""

@@ -50,6 +50,16 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     return Table.of(sentence("values", caption, section=parameters), columns, rows)
 
 
+def _state_file(stated: float, sigma: float) -> str:
+    """Return a value of the robot file: four digits, or as many as its estimate if these are more.
+
+    So values of one kind have the same digits, however well each is known.
+    """
+    short = stated_text(stated)
+    exact = stated_text(stated, sigma)
+    return max(short, exact.rstrip("0").rstrip(".") if "." in exact else short, key=len)
+
+
 def _find_part(verdict: Verdict) -> str:
     """Return which words the file's value gets: "unstated", "other" if the interval excludes it."""
     file = verdict.nominal
@@ -83,7 +93,7 @@ class _ModelRows:
             return Cell("–", np.nan, self._explain_absence(name))
         verdict, used, why = self.known[name]
         sigma = verdict.sigma_label
-        file = sentence("values", _find_part(verdict), value=stated_text(verdict.nominal, sigma))
+        file = sentence("values", _find_part(verdict), value=_state_file(verdict.nominal, sigma))
         effect = self.effects.get(name)
         doubted = effect and Flag.IN_DOUBT in verdict.flags
         lacks = "lacks" if effect in self.lacked else "may lack"

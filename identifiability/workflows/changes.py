@@ -43,7 +43,19 @@ DIFFERING = (
     "passive_joint_friction",
 )
 #: Attributes that the size of a change sets.
-MEASURED = ("what", "names", "units", "before", "sizes", "sd", "share", "share_sd", "felt", "parts")
+MEASURED = (
+    "what",
+    "names",
+    "units",
+    "before",
+    "before_sd",
+    "sizes",
+    "covariance",
+    "share",
+    "share_sd",
+    "felt",
+    "parts",
+)
 #: A function that the model may lack at a joint whose friction is nonlinear.
 VELOCITY = "function_of_velocity"
 #: Parameters of a load that its weight determines.
@@ -88,6 +100,17 @@ class DifferentTorque:
     measured: Array
     explained: Array
     log: int
+
+    @property
+    def errors(self) -> tuple[Array, Array]:
+        """Rms of each joint's difference that is not explained, (n,) [N·m or N].
+
+        And the same over the variation of the measured difference; NaN where that was not measured.
+        """
+        error = np.ma.masked_invalid(self.measured - self.explained)
+        variation = np.ma.masked_invalid(self.measured).std(0)
+        rms = np.ma.sqrt((error**2).mean(0))
+        return rms.filled(np.nan), (rms / variation).filled(np.nan)
 
     @staticmethod
     def of(found: Differences, terms: Terms, later: int) -> DifferentTorque:
@@ -190,10 +213,12 @@ class Change:
         Whether it came in several steps; its sizes are those of the last log.
     names, units : tuple of str
         Of its q numbers.
-    before : (q,)
-        These numbers before; NaN where that is not known, as of a load.
+    before, before_sd : (q,)
+        These numbers before, and their standard errors; NaN where that is not known, as of a load.
     sizes, sd : (q,)
-        Of these, given all other changes.
+        Of these, given all other changes, and their standard errors.
+    covariance : (q, q)
+        Of the sizes.
     share, share_sd : float
         Change relative to its torque before; NaN where that is not known.
     felt : FeltTorque
@@ -225,7 +250,7 @@ class Change:
     names: tuple[str, ...]
     units: tuple[str, ...]
     sizes: Array
-    sd: Array
+    covariance: Array
     odds: float
     since: str = ""
     seconds: float = np.nan
@@ -233,6 +258,7 @@ class Change:
     gradual: bool = False
     others: tuple[str, ...] = ()
     before: Array = field(default_factory=lambda: np.empty(0))
+    before_sd: Array = field(default_factory=lambda: np.empty(0))
     share: float = np.nan
     share_sd: float = np.nan
     felt: FeltTorque = field(default_factory=FeltTorque)
@@ -254,6 +280,34 @@ class Change:
     def within(self) -> bool:
         """Whether it happens within every log, and not between logs."""
         return bool(np.isfinite(self.seconds))
+
+    @property
+    def sd(self) -> Array:
+        """Standard errors of the sizes, (q,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def determined(self) -> np.ndarray:
+        """Whether the logs tell each number before from others, as its change, (q,) bool.
+
+        A joint may share friction with its motor: only their sum is known before.
+        """
+        vague = self.before_sd > np.maximum(self.sd, np.abs(self.before) / REACH)
+        return ~vague
+
+    @property
+    def centre(self) -> tuple[Array, Array]:
+        """Centre of mass of a changed load, and its standard errors, (3,) and (3,) [m].
+
+        NaN where the mass may be zero.
+        """
+        if self.kind != "load" or not abs(self.sizes[0]) > REACH * self.sd[0]:
+            return np.full(3, np.nan), np.full(3, np.nan)
+        mass, *first = self.sizes[: len(WEIGHT)]
+        centre = np.array(first) / mass
+        slopes = np.column_stack([-centre, np.eye(3)]) / mass
+        known = self.covariance[: len(WEIGHT), : len(WEIGHT)]
+        return centre, np.sqrt(np.diag(slopes @ known @ slopes.T))
 
     @property
     def sure(self) -> bool:
@@ -437,7 +491,9 @@ def _measure_change(
     """Return the change of some terms at one place, with its size."""
     terms, which = _with_companions(found, terms, which)
     value, covariance = found.solve(terms)
-    levels = found.levels(found.known.base + found.known.directions @ value[: found.known.size])
+    p = found.known.size
+    levels = found.levels(found.known.base + found.known.directions @ value[:p])
+    level_errors = found.level_errors(covariance[:p, :p])
     at = np.concatenate([rows_of(found.model, terms, k) for k in which])
     columns = np.concatenate([found.at(terms[k]) for k in which])
     families = {found.whose(terms[k]).family.name for k in which}
@@ -462,7 +518,6 @@ def _measure_change(
         _, called, units = zip(*(found.columns[n] for n in own.tolist()), strict=True)
         title = first.title if len(families) == 1 else first.kind
         duration = longest if first.pattern == WARM else np.nan
-        errors = np.sqrt(np.diag(spread))
         odds = max(terms[k].odds for k in which)
         return Change(
             kind=first.kind if first.pattern else "missing",
@@ -475,8 +530,9 @@ def _measure_change(
             names=called,
             units=units,
             before=np.where(levels[own] == 0, np.nan, levels[own]),
+            before_sd=level_errors[own],
             sizes=sizes,
-            sd=errors,
+            covariance=spread,
             share=share[0],
             share_sd=share[1],
             felt=felt,

@@ -197,7 +197,7 @@ def test_wear_that_stays_and_warm_up_that_returns_are_told_apart():
     assert all(abs(size - 0.4) < 3 * sd for size, sd in later)
 
 
-def test_the_command_answers_first_and_writes_what_was_asked(command, succeeds, tmp_path):
+def test_the_command_answers_first_and_writes_what_was_asked(succeeds, tmp_path):
     first = tmp_path / "monday.csv"
     second = tmp_path / "friday.csv"
     logs(PLANAR, 1)[0].to_frame().to_csv(first, index=False)
@@ -208,13 +208,8 @@ def test_the_command_answers_first_and_writes_what_was_asked(command, succeeds, 
     said = "What changed between monday.csv and friday.csv? Friction of elbow rose by "
     assert out.stdout.startswith(said)
     content = json.loads(data.read_text())
-    assert content["schema"] == "identifiability/comparison/1"
-    assert content["changed"] is True
     assert {c["what"] for c in content["changes"]} == {"friction of elbow"}
-    assert "Friction of elbow rose by " in page.read_text(encoding="utf-8")
-    out = command("compare", PLANAR, first, first)
-    assert out.exit_code == 2
-    assert "A log stands on both sides" in out.stderr.replace("\n", " ")
+    assert "Friction of elbow rose by " in page.read_text("utf-8")
 
 
 def test_friction_of_passive_joints_is_no_change():
@@ -227,9 +222,12 @@ def test_friction_of_passive_joints_is_no_change():
 
 def test_a_motor_and_its_joint_share_the_change_that_their_sum_shows(tmp_path):
     beside = tmp_path / "coupled.toml"
-    beside.write_text('[transmission]\nmotors = ["a", "b"]\ncoupling = [[1, 0], [0.03, 1]]\n')
+    beside.write_text('[transmission]\nmotors = ["a", "b"]\ncoupling = [[1, 0], [3e-4, 1]]\n')
     spring = 6 * np.sin(campaign(PLANAR).move.q) * [0, 1]  # the model lacks it, and b.Fv < 0
     after = logs(PLANAR, 30, extra=spring, shoulder=0.6, elbow=0.6)[1]
     found = compare(Robot.load(PLANAR, beside), logs(PLANAR, 0, extra=spring)[0], after)
     share, sd = found.changes[0].share, found.changes[0].share_sd
     assert abs(share + 0.4) < 3 * sd < 1.5 * abs(share)
+    texts, limits = ([c.text + c.note for r in t.rows for c in r] for t in found.tables())
+    assert texts.count("not determined apart") == 4  # before and after, of joint and motor
+    assert "440 % (28 N·m)cannot be monitored with this motion" in limits

@@ -42,6 +42,7 @@ def test_a_load_without_noise_is_found_exactly(fit, make_logs, planted):
     found = payload(ARM, known, make_logs(ARM, planted, size=0.0)[1])
     assert values(found) == pytest.approx(planted.quantities, rel=1e-4, abs=1e-6)
     assert found.body == "link_6"
+    assert max(found.estimate.torque.errors[1]) < 1e-4
 
 
 def truth(kept):
@@ -60,6 +61,8 @@ def test_a_scale_that_a_model_has_is_that_of_logs_with_the_load(make_logs, plant
     found = compare(ARM, empty, loaded, ladder=ladder)
     (change,) = found.changes
     assert comparison_moving(found).torque.name == change.felt.joint
+    centre, spread = change.centre
+    assert (np.abs(centre - planted.centre) < 3 * spread).all()
     mass = payload(ARM, result, loaded[0], empty[1]).mass
     sizes = (change.sizes[0], change.sd[0]), (mass.value, mass.half / REACH)
     assert all(abs(x - planted.mass) < 3 * sd < 0.15 for x, sd in sizes)
@@ -221,14 +224,11 @@ def test_the_command_answers_first_and_writes_what_was_asked(
     data = tmp_path / "load.json"
     words = [ARM, result, loaded, "--without", bare, "--report", page, "--json", data]
     out = succeeds("payload", *words)
-    assert " kg ± " in out.stdout.splitlines()[0]
     assert "hangs on link_6" in out.stdout.splitlines()[0]
     content = json.loads(data.read_text())
-    assert content["schema"] == "identifiability/payload/1"
     by = {q["name"]: q for q in content["quantities"]}
     assert by["mass"]["low"] < 1.52 < by["mass"]["high"]
-    text = page.read_text(encoding="utf-8").replace("\u00a0", " ").replace("−", "-")
-    assert content["answers"][0]["short"].replace("−", "-") in text
+    assert "hangs on link_6" in page.read_text("utf-8")
 
 
 def test_bodies_and_results_that_do_not_fit_are_refused(fit, make_logs):

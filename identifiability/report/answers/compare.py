@@ -17,7 +17,7 @@ from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     REACH,
-    format_number,
+    digits,
     measured,
     probability_text,
     state_probability,
@@ -38,6 +38,8 @@ from .common import (
 )
 from .tables import make_table
 
+#: First moments of a load, by the ends of their names.
+MOMENTS = (".mx", ".my", ".mz")
 #: Of a frame of changes.
 COLUMNS = [
     *("what", "kind", "place", "name", "change", "low", "high", "unit"),
@@ -292,17 +294,29 @@ def _title(change: Change | Unchanged) -> str:
 def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     """Yield the rows of a change: its first number, and others whose intervals exclude zero.
 
-    Torque and probability are those of all of them. The first row has logs and rivals.
+    The centre of a load stands for its first moments. Torque and probability are those of all
+    numbers. The first row has logs and rivals.
     """
     probability = probability_text(change.odds)
     rivals = "; ".join(state_alternatives(change))
     more = _state_torque(change), probability, change.when, rivals
+    centred = bool(np.isfinite(change.centre[0]).all())
     for k, name in enumerate(change.names):
-        if k and abs(change.sizes[k]) <= REACH * change.sd[k]:
+        moment = centred and name.endswith(MOMENTS)
+        if moment or (k and abs(change.sizes[k]) <= REACH * change.sd[k]):
             continue
         what = Cell(name, note="" if k else capital(change.what))
         yield what, *_state_number(change, k), *more
         more = *more[:2], "", ""
+        if centred and not k:
+            yield from ((*row, *more) for row in _centre_rows(change))
+
+
+def _centre_rows(change: Change) -> Iterator[tuple[str, str, str, str]]:
+    """Yield the name and the coordinates of the centre of a load that changed, as its change."""
+    for axis, x, sd in zip("xyz", *change.centre, strict=True):
+        at = measured(1e3 * x, 1e3 * sd, "mm")
+        yield f"{change.place} centre {axis}", "", "", at
 
 
 def _state_torque(change: Change) -> str:
@@ -319,6 +333,9 @@ def _state_number(change: Change, k: int) -> tuple[str, str, str]:
     by = signed(size, sd, unit)
     if not np.isfinite(level):
         return "", "", by
+    if not change.determined[k]:
+        together = sentence("comparison.seen", "together")
+        return together, together, by
     return f"{stated_text(level, sd)} {unit}", f"{stated_text(level + size, sd)} {unit}", by
 
 
@@ -326,21 +343,29 @@ def _limit_table(unchanged: Sequence[Unchanged]) -> Table:
     """Return a row for each joint or body that did not change: the least change of each kind."""
     titles = dict.fromkeys(map(_title, unchanged))
     places = dict.fromkeys(number.place for number in unchanged)
-    limits = {(x.place, _title(x)): Cell(_least(x), x.relative) for x in unchanged}
+    limits = {(x.place, _title(x)): _limit_cell(x) for x in unchanged}
     rows = [
         (place, *(limits.get((place, title), Cell("")) for title in titles)) for place in places
     ]
     return make_table("comparison_limits", rows, more=[Column(title) for title in titles])
 
 
+def _limit_cell(number: Unchanged) -> Cell:
+    """Return the least change that would be seen; a note where a loss of all would not be."""
+    hidden = number.kind != "load" and number.relative > 1
+    note = sentence("comparison.seen", "hidden") if hidden else ""
+    return Cell(_least(number), number.relative, note)
+
+
 def _least(number: Unchanged) -> str:
     """Return the least change that would be seen, of a load in kg, else in % and as torque."""
+    two = digits(2)
     if not np.isfinite(number.least):
         return sentence("comparison.seen", "never")
     if number.kind == "load":
-        return f"{format_number(number.least, 2)} kg"
-    torque = f"{format_number(number.felt.rms, 2)} {number.felt.unit}"
-    return f"{format_number(100 * number.relative, 2)} % ({torque})"
+        return f"{two(number.least)} kg"
+    torque = f"{two(number.felt.rms)} {number.felt.unit}"
+    return f"{two(100 * number.relative)} % ({torque})"
 
 
 def _state_evidence(change: Change) -> str:

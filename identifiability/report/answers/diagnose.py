@@ -51,7 +51,7 @@ from .tables import add_units, make_table, unit_cell
 if TYPE_CHECKING:
     from identifiability.bending import Bending
     from identifiability.workflows.diagnose.forward import ForwardGap
-    from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds
+    from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds, Placement
 
 #: Names that a sentence says of one effect; JSON has them all.
 LIKELIEST = 4
@@ -491,12 +491,22 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
         name = Cell(" or ".join(list_names(e)), note=equation)
         for p in e.placements:
             added = unit_cell(p.peak, units.get(p.place, of_any))
+            named = name if p.sure else sentence("diagnosis.missing", "unsure")
             for parameter, value, error, unit in p.rows:
                 far = np.isfinite(p.shape) and _is_far(value, error, p.peak)
                 limit = sentence("diagnosis.missing", "limit") if far else ""
-                named = name if p.sure else sentence("diagnosis.missing", "unsure")
                 size = Cell(measured(value, error, unit), value, note=limit)
                 yield named, parameter, size, p.odds, p.unseen, added
+            if np.isfinite(p.shape_error):
+                yield named, *_name_shape(d, e.name, p), p.odds, p.unseen, added
+
+
+def _name_shape(d: Diagnosis, family: str, p: Placement) -> tuple[str, Cell]:
+    """Return the name and the value of the speed that shapes a curve of friction."""
+    sliding = [axis.name for axis in d.robot.axes if axis.prismatic]
+    unit = "m/s" if p.place in sliding else "rad/s"
+    symbol = getattr(find_family(family).effect, "symbol", "") or "shape"
+    return f"{p.place}.{symbol}", Cell(measured(p.shape, p.shape_error, unit), p.shape)
 
 
 class ForwardGapPresenter(Presenter):

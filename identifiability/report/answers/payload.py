@@ -11,7 +11,7 @@ import pandas as pd
 from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import NONE, format_measured, measured
+from identifiability.foundation.rounding import NONE, format_measured, format_number, measured
 
 from .commands import diagnose_lines, name_logs
 from .common import (
@@ -155,9 +155,21 @@ def _answer_load(result: Load) -> Answer:
         text = sentence("payload.load", "entered") if nothing else ""
         return Answer(question, result.answer, text, "amber")
     interval = sentence("payload.load", "interval", low=result.mass.low, high=result.mass.high)
+    interval = join_sentences(interval, _state_error(result))
     doubtful = result.scale.contradicts
     tone, text = ("amber", sentence("payload.scale", "check")) if doubtful else ("blue", interval)
     return Answer(question, result.answer, text, tone, more=_state_readings(result))
+
+
+def _state_error(result: Load) -> str:
+    """Return the error of the load's torque at the joint that feels it most."""
+    torque, robot = result.estimate.torque, result.robot
+    joint = int(np.nansum(torque.explained**2, axis=0).argmax())
+    rms, share = (float(x[joint]) for x in torque.errors)
+    if not np.isfinite(share):
+        return ""
+    size = f"{format_number(rms, 3)} {robot.torque_units[joint]}"
+    return sentence("payload.load", "error", joint=robot.joints[joint], rms=size, share=share)
 
 
 def _state_readings(result: Load) -> str:

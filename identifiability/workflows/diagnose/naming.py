@@ -155,6 +155,24 @@ class Naming:
         unit = self.model.scale[self.terms[k].columns]
         return value / unit, covariance / np.outer(unit, unit)
 
+    def shape_error(self, k: int) -> float:
+        """Return the standard error of the shape of a part; nan for a family without a free one.
+
+        The slope of its torque over the shape is one further column of the model.
+        """
+        c = self.parts[k].candidate
+        if not c.family.continuous:
+            return np.nan
+        step = 0.01 * c.shape  # a hundredth changes the slope little
+        ends = [c.shape - step, c.shape + step]
+        near = [replace(c, shape=x, effect=c.family.at(x, c.place)) for x in ends]
+        every = tuple(number([*self.missing.candidates, *near]))
+        model = replace(self.missing, candidates=every).model()
+        value, _ = self.values(k)
+        slope = np.append(-value, value) / (2 * step)
+        columns = np.arange(model.products.size)[-len(slope) :]
+        return float(model.standard_error(self.terms, columns, slope))
+
     def columns(self, parts: Sequence[int], joint: int) -> Array:
         """Return the columns of some parts in a joint along the fitted rows, (N, m)."""
         at = [k for p in parts for k in self.parts[p].candidate.columns]
@@ -559,7 +577,6 @@ def _write_change(naming: Naming, grid: _Grid, every: Sequence[_Stay]) -> Change
     kinds = {"payload": "load", "torque_offset": "offset"}
     log = int(grid.log[grid.stays[best.at, 0]])
     parameters = Placed([c.part]).parameters(naming.problem.robot)
-    errors = np.sqrt(np.diag(best.covariance))
     weights = softmax([x.total for x in every])[0]
     return Change(
         kind=kinds.get(c.family.name, "friction"),
@@ -570,7 +587,7 @@ def _write_change(naming: Naming, grid: _Grid, every: Sequence[_Stay]) -> Change
         names=tuple(f"{c.place}.{kind.removeprefix('payload_')}" for kind in c.kinds),
         units=tuple(p.unit for p in parameters),
         sizes=best.value,
-        sd=errors,
+        covariance=best.covariance,
         odds=best.total,
         others=tuple(x.title for x in near),
         rivals=tuple(x.candidate.group for x in near),

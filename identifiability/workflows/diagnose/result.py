@@ -92,6 +92,8 @@ class Placement:
         Log odds for the effect on the fitted motion, and its gain on unseen motion.
     sure : bool
         Whether the effect is named there. Else only its values elsewhere need it.
+    shape_error : float
+        Standard error of the shape; nan for families without one that is estimated.
     """
 
     place: str
@@ -107,6 +109,7 @@ class Placement:
     odds: float = float("nan")
     unseen: float = float("nan")
     sure: bool = True
+    shape_error: float = float("nan")
 
     @property
     def rows(self) -> list[tuple[str, float, float, str]]:
@@ -591,7 +594,7 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
     names = "joints", "weight", "confirmed", "everywhere", "unnamed", "nearest"
     places = [
         {
-            **pick(p, "shape", "rms", "weight", joint="place", log_odds="odds"),
+            **pick(p, "shape", "shape_error", "rms", "weight", joint="place", log_odds="odds"),
             "or": _rival_rows(p.rivals),
             "parameters": dict(zip(p.parameters, p.values.tolist(), strict=True)),
         }

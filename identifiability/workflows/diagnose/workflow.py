@@ -916,6 +916,7 @@ def _place(naming: Naming, k: int) -> Placement:
     return Placement(
         place=c.place,
         shape=c.shape,
+        shape_error=naming.shape_error(k),
         parameters=names,
         units=units,
         values=value,
