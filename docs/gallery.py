@@ -37,13 +37,16 @@ def closed_chain(folder: Path) -> Result:
 def quadruped(folder: Path) -> Result:
     """Return how a robot without torque sensors moves by commands, before and after a fit."""
     robot, logs = _logs(folder, "quadruped")
-    return predict(robot, analyze(robot, logs[:2]), logs[2], forward=True)
+    fitted = analyze(robot, logs[:2]).to_json("fitted.json")
+    return predict(robot, fitted, logs[2], forward=True)
 
 
 def missing(folder: Path) -> Result:
     """Return what the model of the arm misses."""
     robot, logs = _logs(folder, "six-dof-arm")
-    return diagnose(robot, logs[:2], validate=logs[2])
+    found = diagnose(robot, logs[:2], validate=logs[2])
+    found.write_model("model.toml")
+    return found
 
 
 def load(folder: Path) -> Result:

@@ -235,12 +235,14 @@ class Moving:
         return float(np.nanmin(every)), float(np.nanmax(every))
 
     @property
-    def ends(self) -> str:
-        """The quantity that is drawn, with its range."""
-        if self.torque is None:
-            return ""
-        low, high = (format_number(end, 3) for end in self.range)
-        return f"{self.torque.shown} {low} … {high} {self.torque.unit}"
+    def ticks(self) -> list[tuple[str, float]]:
+        """Text and height of the marks of the torque axis, from its top [%]."""
+        low, high = self.range
+        middle = 100.0 * self.zero / PLOT[1]
+        marks = {0.0: high, 100.0: low}
+        if 20.0 < middle < 80.0:  # else its text would touch those of the ends
+            marks[middle] = 0.0
+        return [(format_number(value, 3), height) for height, value in marks.items()]
 
     @property
     def zero(self) -> float:
@@ -257,7 +259,8 @@ class Moving:
         rows = np.flatnonzero(np.isfinite(measured))
         ends = np.flatnonzero(np.diff(rows) > 1)
         x = PLOT[0] / (self.t[-1] - self.t[0]) * np.array(self.torque.t)[rows]
-        return [(float(x[k]), float(x[k + 1] - x[k])) for k in ends]
+        begin = [(0.0, float(x[0]))] if len(x) and x[0] > 1.0 else []
+        return begin + [(float(x[k]), float(x[k + 1] - x[k])) for k in ends]
 
     @property
     def plot(self) -> list[tuple[str, str, str]]:

@@ -114,7 +114,10 @@ def calibration_sections(calibration: Calibration) -> list[Section]:
 
 def comparison_heading(result: Comparison) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    return "Comparison report", f"{result.robot.path.name} · {result.submodel.name}"
+    every, k = shorten_paths((*result.before, *result.after)), len(result.before)
+    before, after = (join(logs, 3) for logs in (every[:k], every[k:]))
+    about = f"{result.robot.path.name} · {_name_model(result.submodel.name)}"
+    return "Comparison report", f"{about} · before: {before} · after: {after}"
 
 
 def comparison_moving(result: Comparison) -> Moving | None:
@@ -131,7 +134,20 @@ def comparison_moving(result: Comparison) -> Moving | None:
     shown, how = (torque.explained, "changed") if result.changes else (None, "same")
     # The joint that the headline names.
     joint = result.changes[0].felt.joint if result.changes else ""
-    return move_with_torque(robot, motion, t, torque.whole, lines, log, shown, how, joint=joint)
+    load = _place_load(result)
+    how = "hangs" if load else how
+    about = robot, motion, t, torque.whole, lines, log, shown, how
+    return move_with_torque(*about, load=load, joint=joint)
+
+
+def _place_load(result: Comparison) -> Point | None:
+    """Return the centre of a load that changed, if that is the surest change."""
+    for change in result.changes[:1]:
+        centre, _ = change.centre
+        if np.isfinite(centre).all():
+            links = dict(zip(result.robot.bodies, result.robot.links, strict=True))
+            return Point(links[change.place].last, centre)
+    return None
 
 
 def comparison_sections(result: Comparison) -> list[Section | None]:
@@ -660,9 +676,10 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
     moving = move_skeletons(robot, log.t, poses, told, caption)
     if moving is None:
         return None
-    apart = {name: 1e3 * (q - log.q)[:, worst] for name, (_, q) in motions.items()}
-    times = log.t - log.t[0]
-    below = Trace.of(for_svg(joint), result.unit, times, apart, POINTS, "position error")
+    start = result.runs[0].starts[0]
+    off = {name: 1e3 * (q - log.q)[start:, worst] for name, (_, q) in motions.items()}
+    times = log.t[start:] - log.t[0]
+    below = Trace.of(for_svg(joint), result.unit, times, off, POINTS, "position error")
     return replace(moving, torque=below)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from pydantic import RootModel
 
 from identifiability.estimation.verdict import name_rows, to_row
-from identifiability.foundation.answers import Answer, Table, frame_table
+from identifiability.foundation.answers import Answer, Note, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, ModelError
 from identifiability.foundation.findings import Finding
@@ -160,7 +160,7 @@ def page_environment(*, forces: bool = False) -> Environment:
         undefined=StrictUndefined,
     )
     environment.filters["symbols"] = _set_forces if forces else set_symbols
-    known = (kind_of, mark_of, words_of, sort_key)
+    known = (kind_of, mark_of, words_of, sort_key, pieces_of)
     environment.globals |= {function.__name__: function for function in known}
     return environment
 
@@ -190,11 +190,22 @@ def set_symbols(text: str) -> Markup:
     escaped = str(text if isinstance(text, Markup) else for_html(text))  # a link is markup
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
-    escaped = re.sub(r"(?<=[\d)]) (?=[%σ×]|N·|N\b|mrad|mm)", "\u00a0", escaped)
+    escaped = re.sub(r"(?<=[\d)]) (?=[%σ×]|N·|N\b|mrad|mm|kg)", "\u00a0", escaped)
     escaped = re.sub(r" ± (?=\d)", "\u00a0±\u00a0", escaped)
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
     escaped = re.sub(r"≠ file −?[\d.]+", r"<b>\g<0></b>", escaped)
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))
+
+
+def pieces_of(line: str) -> list[str]:
+    """Return the pieces of a command between which it may break: an option stays at its value.
+
+    Examples
+    --------
+    >>> pieces_of("predict a.csv --out b.csv &&")
+    ['predict', 'a.csv', '--out b.csv &&']
+    """
+    return re.findall(r"(?:--\S+ (?!-))?\S+(?: &&)?", line)
 
 
 def _of_page(result: Result, name: str, usual: Any = None) -> Any:
@@ -228,7 +239,8 @@ def build_page(result: Result) -> Page:
     quantity = name_forces if pushes(result) else str
     hints = [hint_note(x) for x in result.remarks if first_sentence(x).lower() not in said.lower()]
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))
-    notes = tuple(x for x in notes if quantity(x.text).lower() not in said.lower())
+    notes = tuple(_say_once(x, said, quantity) for x in notes)
+    notes = tuple(x for x in notes if x.text)
     tables = [_table_section(f"table-{k + 1}", table) for k, table in enumerate(result.tables())]
     done = [_table_section("ledger", table) for table in result.ledger()]
     sections = [*filter(None, _of_page(result, "sections", tables)), *done]
@@ -257,6 +269,15 @@ def build_page(result: Result) -> Page:
             for k, x in enumerate(others)
         ),
     )
+
+
+def _say_once(told: Note, said: str, quantity: Callable[[str], str]) -> Note:
+    """Return a note without what the answers say: all of its text, or its first sentence."""
+    text = quantity(told.text)
+    first, _, rest = text.partition(". ")
+    if text.lower() in said.lower():
+        return replace(told, text="")
+    return replace(told, text=rest) if rest and first.lower() in said.lower() else told
 
 
 def _is_made_of(part: Section, *kinds: str) -> bool:

@@ -296,7 +296,7 @@ def move_with_torque(
     k = robot.joints.index(name)
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     how = how or ("loaded" if residual is None else "missed")
-    word = "differs by" if how == "changed" else "misses"
+    word = "changes by" if how in ("changed", "hangs") else "misses"
     sizes = np.abs(torque if residual is None else residual)[:, k]
     unit = robot.torque_units[k]
     missed = [f"{name} {word} {x:.2g} {unit}" if np.isfinite(x) else name for x in sizes]

@@ -36,6 +36,7 @@ from .changes import (
     list_log_changes,
     list_unchanged,
 )
+from .roles import may_divide
 from .sides import Sides, find_changes
 
 # The logs of a comparison.
@@ -88,6 +89,8 @@ class Comparison(OfStructure, Result):
         Of the log after that changed most.
     source : LadderSource
         Where its model came from.
+    verifiable : bool
+        Whether the logs before are enough for `diagnose`, which verifies on a part of them.
     """
 
     schema: ClassVar[str] = "identifiability/comparison/1"
@@ -104,6 +107,7 @@ class Comparison(OfStructure, Result):
     motion: Motion
     torque: DifferentTorque
     source: LadderSource
+    verifiable: bool
 
     @property
     @presented
@@ -246,7 +250,7 @@ def compare(
     with one_thread("blas"):
         case = take_case(robot, before, after, preparation, MEASURED)
         source = case.ladder(ladder, beside=True)
-        read_sides(case, run)
+        logs_before = read_sides(case, run).fitted
         data = case.data(case.first_structure(run, ladder), run, "compared")
         unchanged = case.completed(data, run)
         if unchanged.unseen is None:
@@ -273,6 +277,7 @@ def compare(
         motion=sides.samples[torque.log].motion,
         torque=torque,
         source=source,
+        verifiable=may_divide(logs_before),
     )
 
 

@@ -1078,12 +1078,15 @@ class Simulated:
     errors : (n,) [rad or m]
         Of positions (rms), without the beginning of logs, which depends on the starting speed; NaN
         where they diverged.
+    starts : tuple of int
+        The first row of each log that counts.
     """
 
     name: str
     delays: tuple[float, ...]
     q: tuple[Array, ...]
     errors: Array
+    starts: tuple[int, ...]
 
 
 @frozen(kw_only=True)
@@ -1116,6 +1119,12 @@ class PositionPrediction(Result):
     unseen: bool = True
     origin: str = ""
     sides: tuple[Strings, Strings] = ((), ())
+
+    @property
+    def starts(self) -> tuple[float, ...]:
+        """Time from the start of each log from which its errors count [s]."""
+        rows = zip(self.logs, self.runs[0].starts, strict=True)
+        return tuple(float(log.t[k] - log.t[0]) for log, k in rows)
 
     @cached_property
     def alike(self) -> np.ndarray:
@@ -1393,6 +1402,7 @@ def _move(
     late = list[float]()
     found = list[Array]()
     apart = list[Array]()
+    starts = tuple(map(forgotten, logs))
     for k, log in enumerate(logs):
         if has_commands(log):
             machine = CommandedRobot(robot, values)
@@ -1403,6 +1413,6 @@ def _move(
             q = drive(robot, values, log, WINDOW)
         late.append(delay)
         found.append(q)
-        apart.append((q - log.q)[forgotten(log) :])
+        apart.append((q - log.q)[starts[k] :])
     errors = np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0))
-    return Simulated(name, tuple(late), tuple(found), errors)
+    return Simulated(name, tuple(late), tuple(found), errors, starts)

@@ -6,6 +6,7 @@ held out where there are enough. Otherwise a log is divided, with an unused paus
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +45,11 @@ def assign_roles(recordings: Recordings) -> Recordings:
     return replace(recordings, fitted=(fit,), held_out=(verify,), verified_on=words, set_aside=True)
 
 
+def may_divide(logs: Sequence[Log]) -> bool:
+    """Return whether a part of logs can verify what another part shows."""
+    return len(logs) > 1 or len(logs[0]) >= FEWEST
+
+
 def require_held_out(recordings: Recordings) -> None:
     """Raise an error if no log is held out.
 
@@ -54,7 +60,7 @@ def require_held_out(recordings: Recordings) -> None:
     if recordings.held_out:
         return
     log = recordings.fitted[0]
-    if len(recordings.fitted) > 1 or len(log) >= FEWEST:
+    if may_divide(recordings.fitted):
         raise LogError(
             "Effects are verified on motion that was not fitted, and nothing is held out: give a "
             "held-out log (validate), or leave validate out, and a part is set aside."

@@ -90,7 +90,7 @@ def test_a_good_log_is_told_as_it_is(run):
     found = look(run)
     (record,) = found.records
     assert not found.hints
-    assert "compares the masses" in found.details
+    assert "masses of the robot file" in found.details
     assert record.clock["samples"] == 1200
     assert record.clock["rate"] == pytest.approx(1 / (run.t[1] - run.t[0]))
     assert record.clock["gaps"] == 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from statistics import NormalDist
@@ -54,6 +54,7 @@ from .common import (
     answer_trust,
     capital,
     command,
+    find_command,
     first_sentence,
     grade_of,
     hint_note,
@@ -142,9 +143,7 @@ class LadderedPresenter(PredictingPresenter):
             line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
             begun = commands.name_logs(result.robot, names, "--start-from", how)
             more = f"excite {self.robot} {begun} --out next.json"
-            # Another motion separates values from offsets, a smaller model does not.
-            apart = -1 if of_key(result.hints, "excluded_offsets") else 1
-            out = [command("prune", line), command("measure", more)][::apart]
+            out = [command("prune", line), command("measure", more)]
         if result.recordings.commanded or not find_rises(result.real_robot, "mjcf"):
             export = partial(commands.export_line, result.robot)
             line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
@@ -479,10 +478,16 @@ def _state_missing(result: Laddered[Any]) -> str:
     return sentence("trust", "refuted", missing=missing, **holes)
 
 
-def name_friction(name: str) -> str:
-    """Return the friction of a joint in words; any other parameter by its name."""
-    place, _, kind = name.rpartition(".")
-    return f"{sentence('values', kind)} of {place}" if kind in ("Fc", "Fv") else name
+def name_values(names: Sequence[str]) -> list[str]:
+    """Return friction of joints in words, both kinds of a joint together; others by their names."""
+    kinds: dict[str, list[str]] = {}
+    for name in names:
+        place, _, kind = name.rpartition(".")
+        if kind in ("Fc", "Fv"):
+            kinds.setdefault(f" of {place}", []).append(sentence("values", kind))
+        else:
+            kinds[name] = [""]
+    return [f"{join(own).replace(' friction and', ' and')}{place}" for place, own in kinds.items()]
 
 
 def _state_in_doubt(result: Laddered[Any]) -> str:
@@ -494,7 +499,7 @@ def _state_in_doubt(result: Laddered[Any]) -> str:
         return ""
     effects = Counter(filter(None, (alternatives.names[k] for k in doubted)))
     ((effect, _),) = effects.most_common(1) or [("", 0)]
-    names = [name_friction(chosen.verdicts[k].name) for k in doubted]
+    names = name_values([chosen.verdicts[k].name for k in doubted])
     lacks = effect in result.missing.functions  # the headline says it
     may = "" if lacks else sentence("trust", "may", effect=effect)
     return effect and sentence("trust", "doubted", names=names, effect=may)
@@ -584,7 +589,7 @@ def _order_commands(
     ladder : str
         The option that names the ladder, if one was given.
     """
-    missing = command("missing", find)
+    missing = find_command(result.missing.functions, find)
     good = TONES[grade_of(result.chosen.error_ra_validation)] == "green"
     first = result.missing.functions or result.chosen.contradicted or not good
     first = first or (_has_doubted(result.chosen) and not _has_unknown(result.chosen))

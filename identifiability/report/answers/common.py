@@ -175,6 +175,13 @@ def command(purpose: str, line: str, **holes: Any) -> Command:
     return sentence("next", purpose, **holes), f"identifiability {line}"
 
 
+def find_command(effects: Sequence[str], line: str) -> Command:
+    """Return the line that measures effects that seem to be missing, or that finds any."""
+    if not effects:
+        return command("missing", line)
+    return command("name", line, names=effects, count=effects)
+
+
 class AnsweringPresenter(Presenter, ABC):
     """Presenter of a result whose page answers questions and proposes commands.
 
@@ -300,20 +307,25 @@ class PredictingPresenter(AnsweringPresenter):
             return answer("quality", "none", question=question)
         worst, noisy, grade = self._state_worst()
         tone = TONES[grade]
-        reserved = self.reserved()
-        if reserved and tone == "green":
+        if self.reserved() and tone == "green":
             tone = "grey"
-        uses = sentence("decision.uses", grade)
-        if tone != "vermilion" and reserved:
-            uses = sentence("quality", "reserved", uses=uses)
         # A filter makes a difference.
-        if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
-            text = sentence("quality", "raw", told=text.removesuffix("."), raw=raw)
-        text = join_sentences(text, capital(uses))
+        filtered = np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6)
+        noisier = sentence("quality", "raw", raw=raw) if filtered else ""
+        about = sentence("laddered.measured", "about")
+        more = join_sentences(about, noisier, self.state_uses(), more)
         if noisy:
             text, more = sentence("quality", "quieter"), join_sentences(text, more)
         found = answer("quality", part, text, tone, question=question, error=error, worst=worst)
         return replace(found, short=join_sentences(found.short, noisy), more=more)
+
+    def state_uses(self) -> str:
+        """Return the tasks that the error of the predictions is small enough for."""
+        *_, grade = self._state_worst()
+        uses = sentence("decision.uses", grade)
+        if TONES[grade] != "vermilion" and self.reserved():
+            uses = sentence("quality", "reserved", uses=uses)
+        return capital(uses)
 
     def _state_worst(self) -> tuple[str, str, str]:
         """Return the worst joint in words, whether its error is noise, and the grade of all."""
@@ -324,7 +336,7 @@ class PredictingPresenter(AnsweringPresenter):
         if not joint:
             return "", "", grade
         at = robot.joints.index(joint)
-        size = f"{format_number(float(sizes[at]), 2)} {robot.torque_units[at]}"
+        size = f"{format_number(float(sizes[at]), 3, pad=True)} {robot.torque_units[at]}"
         uneven = errs_unevenly(error, own)
         worst = sentence("quality", "uneven" if uneven else "worst", joint=joint, own=own, rms=size)
         if not uneven:
@@ -461,8 +473,11 @@ def answer_trust(
     if missing:
         text = _state_open({"until": capital(in_doubt), "read": grave})
         return answer("trust", "if_nothing", text, missing=missing)
+    if len(titles) > 1:  # the headline counts them
+        count = len(checks) + len({*graver} - {usual}) + bool(in_doubt) + len(warnings)
+        return answer("trust", "several", "", "amber", grave=capital(grave), count=count)
     if grave:
-        return answer("trust", "care", sentence("trust", "open") if in_doubt else "", grave=grave)
+        return answer("trust", "care", grave=grave)
     return answer("trust", "yes", sentence("trust", "nothing"))
 
 

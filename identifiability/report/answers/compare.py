@@ -33,6 +33,7 @@ from .common import (
     answer,
     capital,
     command,
+    find_command,
     join_sentences,
     sentence,
 )
@@ -67,7 +68,7 @@ class ComparisonPresenter(AnsweringPresenter):
         changes = self.result.changes
         if not changes:
             return sentence("comparison.how", "nothing")
-        text = listing([change.called for change in changes], between="; ")
+        text = listing([_name_surely(change) for change in changes], between="; ")
         return f"{capital(text)}."
 
     def asked(self) -> tuple[Answer, ...]:
@@ -76,8 +77,7 @@ class ComparisonPresenter(AnsweringPresenter):
         every, k = shorten_paths((*result.before, *result.after)), len(result.before)
         question = sentence("comparison.how", "question", before=every[:k], after=every[k:])
         tone = "vermilion" if result.changes else "green"
-        use = sentence("comparison.how", "load") if list_loaded(result) else ""
-        text = join_sentences(*map(_state_evidence, result.changes), use)
+        text = join_sentences(*map(_state_evidence, result.changes))
         changed = Answer(question, result.answer, text, tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = replace(_answer_trust(result), more=why)
@@ -112,7 +112,7 @@ class ComparisonPresenter(AnsweringPresenter):
         logs = name_logs(result.robot, result.before, how=result.preparation)
         line = f"diagnose {self.robot} {logs} --out model.toml --report missing.html"
         lacks = result.lacks or any(map(rises_within, result.changes))
-        return [command("missing", line)] if lacks else []
+        return [find_command(_name_lacks(result), line)] if lacks and result.verifiable else []
 
     def _fit_line(self, paths: Sequence[str]) -> str:
         """Return the line that fits logs; the last of several is held out."""
@@ -191,6 +191,13 @@ class ChangePresenter(Presenter):
         if others:
             text = sentence(about, "or", text=text, others=" or ".join(others))
         return text if change.sure else sentence(about, "perhaps", text=text)
+
+
+def _name_surely(change: Change) -> str:
+    """Return the description of a change with its probability, unless others compete with it."""
+    if state_alternatives(change):
+        return change.called
+    return f"{change.called} ({state_probability(change.odds)})"
 
 
 def state_alternatives(change: Change) -> list[str]:
@@ -292,24 +299,24 @@ def _title(change: Change | Unchanged) -> str:
 
 
 def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
-    """Yield the rows of a change: its first number, and others whose intervals exclude zero.
+    """Yield the rows of a change: its torque and probability, then its numbers.
 
-    The centre of a load stands for its first moments. Torque and probability are those of all
-    numbers. The first row has logs and rivals.
+    Of the numbers they are the first, and others whose intervals exclude zero. The centre of a load
+    stands for its first moments.
     """
     probability = probability_text(change.odds)
     rivals = "; ".join(state_alternatives(change))
     more = _state_torque(change), probability, change.when, rivals
+    yield capital(change.what), "", "", "", *more
+    none = ("",) * len(more)
     centred = bool(np.isfinite(change.centre[0]).all())
     for k, name in enumerate(change.names):
         moment = centred and name.endswith(MOMENTS)
         if moment or (k and abs(change.sizes[k]) <= REACH * change.sd[k]):
             continue
-        what = Cell(name, note="" if k else capital(change.what))
-        yield what, *_state_number(change, k), *more
-        more = *more[:2], "", ""
+        yield name, *_state_number(change, k), *none
         if centred and not k:
-            yield from ((*row, *more) for row in _centre_rows(change))
+            yield from ((*row, *none) for row in _centre_rows(change))
 
 
 def _centre_rows(change: Change) -> Iterator[tuple[str, str, str, str]]:
@@ -352,9 +359,13 @@ def _limit_table(unchanged: Sequence[Unchanged]) -> Table:
 
 def _limit_cell(number: Unchanged) -> Cell:
     """Return the least change that would be seen; a note where a loss of all would not be."""
-    hidden = number.kind != "load" and number.relative > 1
-    note = sentence("comparison.seen", "hidden") if hidden else ""
+    note = sentence("comparison.seen", "hidden") if _is_hidden(number) else ""
     return Cell(_least(number), number.relative, note)
+
+
+def _is_hidden(number: Unchanged) -> bool:
+    """Return whether not even a loss of all of a number would be seen."""
+    return number.kind != "load" and bool(number.relative > 1)
 
 
 def _least(number: Unchanged) -> str:
@@ -369,26 +380,35 @@ def _least(number: Unchanged) -> str:
 
 
 def _state_evidence(change: Change) -> str:
-    """Return the torque of a change at the joint that feels it most, and its probability."""
+    """Return the torque of a change at the joint that feels it most."""
     felt = change.felt
     if not np.isfinite(felt.rms):
         return ""
     torque = measured(abs(felt.rms), felt.sd, felt.unit)
     holes = {"what": change.what, "torque": torque, "joint": felt.joint}
-    sure = state_probability(change.odds)
+    rivals = state_alternatives(change)
+    sure = f" ({state_probability(change.odds)})" if rivals else ""
     return sentence("comparison.seen", "evidence", probability=sure, **holes)
 
 
 def _answer_trust(result: Comparison) -> Answer:
     """Return whether the changes may be trusted, with the effects that the model lacks."""
     about = "comparison.trust"
+    names = [x.what for x in result.unchanged if _is_hidden(x)]
+    hidden = sentence(about, "hidden", names=names) if names else ""
     if not result.lacks:
-        return answer(about, "logs", "", "amber")
+        return answer(about, "logs", hidden, "amber")
+    text = join_sentences(sentence(about, "allowed"), hidden)
+    return answer(about, "lacks", text, "amber", lacks=_name_lacks(result))
+
+
+def _name_lacks(result: Comparison) -> list[str]:
+    """Return the effects that the model lacks; functions by the effects that they may be."""
     unnamed: dict[str, str] = WORDS["comparison.unnamed"]
     lacks = [*result.lacks]
     for name, words in unnamed.items():
         lacks = [x.replace(f"an unnamed function of {name}", words) for x in lacks]
-    return answer(about, "lacks", sentence(about, "allowed"), "amber", lacks=lacks)
+    return lacks
 
 
 def _answer_cause(result: Comparison) -> tuple[Answer, ...]:

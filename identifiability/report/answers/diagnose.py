@@ -79,10 +79,11 @@ class DiagnosisPresenter(PredictingPresenter):
         question = sentence("diagnosis.residual", "question")
         error = self.answer_error("", result.unexplained, question=question)
         # The answer above states the error: this one is headed by the uses, if no joint stands out.
-        if result.moved is None and error.text and "; " not in error.short:
+        if result.moved is None and np.isfinite(self.errors()[0]) and "; " not in error.short:
             question = sentence("diagnosis.residual", "uses")
             _, _, most = error.short.partition(". ")
-            error = replace(error, question=question, short=error.text, text=most)
+            more = sentence("laddered.measured", "about")
+            error = replace(error, question=question, short=self.state_uses(), text=most, more=more)
         error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending
@@ -398,7 +399,7 @@ def _state_size(e: NamedEffect) -> str:
     peak = max(p.peak for p in placements)
     if shaped and _is_far(value, error, peak):
         return sentence("diagnosis.missing", "peak", peak=peak, unit=unit)
-    part = "size" if len(rows) == 1 and not shaped else "largest"
+    part = "size" if len(rows) == 1 else "largest"
     return sentence("diagnosis.missing", part, size=measured(abs(value), error, unit))
 
 
@@ -426,9 +427,20 @@ def _answer_gap(d: Diagnosis) -> Answer:
     every = len(d.completed.base)
     if len(reduction) < every:
         text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
+    text = join_sentences(text, _state_motion(d))
     tone = "green" if d.interval[1] < 0 else "amber"
     holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     return answer(about, "falls", text, tone, interval=interval, **holes)
+
+
+def _state_motion(d: Diagnosis) -> str:
+    """Return the errors of simulated positions, if the named effects make them surely smaller."""
+    gap = d.forward
+    if gap is None or not gap.measured or not gap.interval[1] < 0:
+        return ""
+    seconds = f"{gap.horizon:.2g}"
+    errors = {"before": gap.error_before, "after": gap.error_after}
+    return sentence("diagnosis.forward", "better", seconds=seconds, **errors)
 
 
 def _state_looks(d: Diagnosis) -> str:
@@ -449,10 +461,9 @@ def _write_note(name: str, text: str, level: Any = "note") -> Note:
 
 
 def _list_motion(d: Diagnosis) -> Iterator[Note]:
-    """Yield the errors of simulated motion without and with the named effects."""
-    if d.forward is not None and d.forward.measured:
-        better = d.forward.interval[1] < 0
-        yield _write_note("motion", d.forward.statement, "good" if better else "note")
+    """Yield the errors of simulated motion, if no answer states that they are smaller."""
+    if d.forward is not None and d.forward.measured and not (d.included and _state_motion(d)):
+        yield _write_note("motion", d.forward.statement)
 
 
 def _list_doubts(d: Diagnosis) -> Iterator[Note]:

@@ -76,7 +76,8 @@ class InspectionPresenter(AnsweringPresenter):
         if not result.records:
             return (joint_table(result),)
         frame = self.frame()
-        rows = frame.to_dict("records")
+        order = frame["joint"].drop_duplicates().tolist()
+        rows = sorted(frame.to_dict("records"), key=lambda row: order.index(row["joint"]))
         for row in rows:
             row["position"] = span_cell(row["low"], row["high"])
             row["torque"] = span_cell(row["torque_low"], row["torque_high"])
@@ -129,14 +130,24 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
     )
     if joints.room.notna().any():
         about = "inspection.least"
-        least = joints.loc[joints.room.idxmin()]
+        rooms = _rooms(joints)
+        joint = str(rooms.idxmin())
+        room = float(rooms.min())
         still = [j for hint in of_key(result.hints, "still") for j in hint.numbers["joints"]]
         moving = "yes" if joints.room.notna().all() else "limited"
         # Angles that were converted from degrees twice cover at most one degree per radian.
-        if least.room < math.radians(1.0):
+        if room < math.radians(1.0):
             moving = "little"
         part = "no" if still else moving
-        yield answer(about, part, still=still, joint=least.joint, room=least.room)
+        yield answer(about, part, still=still, joint=joint, room=room)
+
+
+def _rooms(joints: pd.DataFrame) -> pd.Series[float]:
+    """Return the share of its limits that each joint moves through, over all logs together."""
+    limits = (joints.high - joints.low) / joints.room.where(joints.room > 0)
+    each = joints.assign(limits=limits).groupby("joint", sort=False)
+    together = (each.high.max() - each.low.min()) / each.limits.median()
+    return together.fillna(each.room.max())
 
 
 def _answer_columns(result: Inspection) -> Answer:

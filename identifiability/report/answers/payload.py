@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Table
+from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, format_measured, format_number, measured
@@ -19,6 +20,7 @@ from .common import (
     Command,
     answer,
     command,
+    find_command,
     first_sentence,
     join_sentences,
     sentence,
@@ -53,7 +55,7 @@ class LoadPresenter(AnsweringPresenter):
             again = f"payload {self.robot} refitted.json {logs} {body}{held}"
             find, refit = lines
             refit += f" && identifiability {again}"
-            out = [command("missing", find), command("weigh_again", refit)]
+            out = [find_command(fit.missing, find), command("weigh_again", refit)]
         if not (result.without or result.gains):
             weigh = f"payload {self.robot} {fitted} {logs} {body} --without empty.csv"
             out.insert(0, command("weigh", weigh))
@@ -107,9 +109,8 @@ def _is_bounded(q: Quantity) -> bool:
 
 
 def _state_bound(q: Quantity) -> str:
-    """Return the name of a quantity, with its upper limit if only this is known."""
-    bound = sentence("payload.known", "bound", name=q.name, high=q.high, unit=q.unit)
-    return bound if _is_bounded(q) else q.name
+    """Return the name of a quantity, with its upper limit."""
+    return sentence("payload.known", "bound", name=q.name, high=q.high, unit=q.unit)
 
 
 def _bound_cell(high: float, unit: str) -> Cell:
@@ -187,14 +188,16 @@ def _answer_known(result: Load) -> Answer:
     """Return the centre of the load, and its quantities that are not identifiable."""
     about = "payload.known"
     centre = result.quantities[1:4]
-    unknown = [_state_bound(q) for q in result.quantities if not q.told]
+    unknown = [q for q in result.quantities if not q.told]
+    bounds = ", ".join(_state_bound(q) for q in unknown if _is_bounded(q))
+    others = [q.name for q in unknown if not _is_bounded(q)]
     tone = "blue" if all(q.told for q in centre) else "amber"
-    text = sentence(about, "lost", names=unknown) if unknown else ""
+    limited = sentence(about, "bounds", names=bounds) if bounds else ""
+    lost = sentence(about, "lost", names=others) if others else ""
     told = [q for q in centre if q.told]
     part = {0: "open", len(centre): "centre"}.get(len(told), "some")
-    at = ", ".join(measured(1e3 * q.value, 1e3 * q.sigma) for q in told)
-    names = [q.name for q in told]
-    return answer(about, part, text, tone, at=at, names=names, body=result.body)
+    at = ", ".join(f"{q.name[-1]} {measured(1e3 * q.value, 1e3 * q.sigma)}" for q in told)
+    return answer(about, part, join_sentences(limited, lost), tone, at=at, body=result.body)
 
 
 def _answer_trust(result: Load) -> Answer:
@@ -213,7 +216,9 @@ def _answer_trust(result: Load) -> Answer:
     lacks = _list_missing(result) or result.estimate.lacks
     if lacks:
         part = "robot"
-        text = sentence(about, "paired" if result.without else "alone")
+        text = sentence(about, "alone")
+        if result.without:
+            text = sentence(about, "paired", without=shorten_paths(result.without))
     names = [c.called for c in changes]
     found = sentence(about, "found", names=names) if changes else ""
     more = join_sentences(found, *result.caveats)

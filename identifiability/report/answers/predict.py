@@ -26,6 +26,7 @@ from .common import (
     PredictingPresenter,
     answer,
     command,
+    find_command,
     first_sentence,
     hint_note,
     join_sentences,
@@ -82,7 +83,8 @@ class TorquePredictionPresenter(PredictingPresenter):
         measured = [name for name, known in pairs if known]
         line = f"predict {self.robot} {given} {every} --out torque.csv"
         table = [command("samples", line)] if result.written("table") is None else []
-        missing = [command("missing", line) for line in diagnose_lines(result.fit)[:1]]
+        lacks = result.fit.missing
+        missing = [find_command(lacks, line) for line in diagnose_lines(result.fit)[:1]]
         fitted = result.fit.sides[0][:1]
         if _find_few(result) and fitted and fitted[0] not in measured:
             paths = *fitted, *measured
@@ -310,7 +312,8 @@ def state_span(result: PositionPrediction) -> str:
     """Return along which logs, or windows of them, errors are taken."""
     part = "whole" if any(map(has_commands, result.logs)) else "windows"
     logs = [log.name for log in result.logs]
-    return sentence("rollout.errors", part, window=WINDOW, logs=logs)
+    seconds = max(result.starts)
+    return sentence("rollout.errors", part, window=WINDOW, logs=logs, seconds=seconds)
 
 
 def find_worst(result: PositionPrediction) -> int:

@@ -56,30 +56,28 @@ class LadderPresenter(LadderedPresenter):
         used = len(chosen)
         part = "some" if used < size else "all"
         why, rule = _state_choice(result) if used < size else ("", "")
+        others = _state_others(result) if used < size else ""
         known = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
         near = "" if is_nearly_real(chosen) else state_nearest(chosen)
-        lacks = result.missing.statement
-        again = sentence(about, "again") if lacks else ""
-        text = join_sentences(why, _state_dropped(result), known, signs, near, again)
-        tone = "green" if is_nearly_real(chosen) and not lacks else "amber"
-        cost, compared = _state_cost(result)
-        found = answer(about, part, text, tone, size=size, used=used, cost=cost)
-        return replace(found, more=join_sentences(compared, rule))
+        kept = join_sentences(_state_cost(result), _state_dropped(result), known, others)
+        text = join_sentences(kept, signs, near)
+        sound = is_nearly_real(chosen) and not result.missing.statement
+        found = answer(about, part, text, "green" if sound else "amber", size=size, used=used)
+        return replace(found, more=join_sentences(why, rule))
+
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the model, its error with that of its estimates, and its reliability."""
+        use, error, trust = super().asked()
+        text = join_sentences(error.text, _state_estimates(self.result))
+        return use, replace(error, text=text), trust
 
     def notes(self) -> Iterator[Note]:
-        """Yield the caveats, and whether the choice is stable."""
+        """Yield the caveats, and that the choice is stable if it is."""
         yield from super().notes()
         weight = self.result.chosen.weight
         if weight > 0.5:
             yield note("stable", weight=weight)
-            return
-        likely, total = [], 0.0
-        for model in sorted(self.result.models, key=lambda m: -m.weight):
-            if total < LEVEL:
-                likely.append(len(model))
-            total += model.weight
-        yield note("unstable", low=min(likely), high=max(likely))
 
 
 def _state_choice(result: Ladder) -> tuple[str, str]:
@@ -96,21 +94,37 @@ def _state_choice(result: Ladder) -> tuple[str, str]:
     return sentence("pruning.choice", "smallest", best=len(best)), rule
 
 
-def _state_cost(result: Ladder) -> tuple[str, str]:
-    """Return the error of the values to use on unseen motion, and how estimates compare.
+def _state_cost(result: Ladder) -> str:
+    """Return the error in cross-validation of the model to use, and that of all parameters."""
+    each = [m.error_ra_unseen for m in (result.chosen, result.full)]
+    if result.nothing or not np.isfinite(each).all() or result.chosen is result.full:
+        return ""
+    return sentence("pruning.use", "cost", error=each[0], full=each[1], size=len(result.full))
 
-    Nothing if unknown. Only the estimates of two models compare: larger models have no physically
-    consistent values.
+
+def _state_estimates(result: Ladder) -> str:
+    """Return the errors of the estimates of the model to use and of all parameters.
+
+    Only estimates of two models compare: larger models have no physically consistent values.
     """
-    about, chosen = "pruning.use", result.chosen
-    error = chosen.unseen_by(0)
-    if not np.isfinite(error):
-        return "", ""
+    error = result.chosen.unseen_by(0)
+    if result.nothing or not np.isfinite(error):
+        return ""
+    part = "used" if result.chosen.physical_used else "estimated"
     holes: dict[str, Any] = {"size": len(result.full), "full": result.full.unseen_by(0)}
-    if not chosen.physical_used:
-        return sentence(about, "cost", error=error, **holes), ""
-    used = sentence(about, "alone", error=chosen.error_ra_validation)
-    return used, sentence("pruning.choice", "used", error=error, **holes)
+    return sentence("pruning.choice", part, error=error, **holes)
+
+
+def _state_others(result: Ladder) -> str:
+    """Return the sizes of models that would do as well, unless one is likelier than all others."""
+    if result.chosen.weight > 0.5:
+        return ""
+    likely, total = [], 0.0
+    for model in sorted(result.models, key=lambda m: -m.weight):
+        if total < LEVEL:
+            likely.append(len(model))
+        total += model.weight
+    return sentence("pruning.use", "others", low=min(likely), high=max(likely))
 
 
 def _state_dropped(result: Ladder) -> str:

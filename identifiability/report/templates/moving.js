@@ -16,6 +16,9 @@ function drawMoving(figure) {
   const known = data.robots[0].filter(Boolean);
   figure.querySelector(".trail").setAttribute("d", data.tips.map((k) =>
     `M${known.map((p) => place(p, k)).join("L")}`).join(""));
+  if (matchMedia("(max-width: 900px)").matches) {
+    for (const more of figure.querySelectorAll("figcaption details")) more.open = false;
+  }
   const draw = () => {
     const k = Number(time.value);
     robots.forEach((group, r) => {
