@@ -341,7 +341,7 @@ class Differences:
         return gains + self._friction_levels @ base[: len(self.names)]
 
     def level_errors(self, covariance: Array) -> Array:
-        """Return the standard errors of levels, (C,), from the covariance of known values (p, p)."""
+        """Return the standard errors of levels, (C,), by the covariance of known values (p, p)."""
         slopes = self._friction_levels @ self.known.directions[: len(self.names)]
         return np.sqrt(np.einsum("ci,ij,cj->c", slopes, covariance, slopes))
 

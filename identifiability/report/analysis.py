@@ -47,7 +47,6 @@ from .blocks import (
     Section,
     Term,
     Terms,
-    count_joints,
     count_words,
     gallery,
     picture,
@@ -63,17 +62,14 @@ from .values_table import joint_values
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
     model = "" if analysis.nothing else f"{model_title(analysis.chosen).removeprefix('the ')} · "
-    about = f"{model}{count_joints(analysis.robot)} · {count_logs(analysis)}"
-    return "Identifiability report", f"{analysis.robot.path.name} · {about}"
+    return "Identifiability report", f"{analysis.robot.path.name} · {model}{count_logs(analysis)}"
 
 
 def count_logs(result: Laddered[Any]) -> str:
-    """Return the number of fitted logs with that of their rows, and of held-out logs."""
-    rows = format_count(sum(log.survey.kept for log in result.samples), "row")
-    fitted = f"{format_count(len(result.samples), 'fitted log')} ({rows})"
-    if result.validation:
-        return f"{fitted}, {format_count(len(result.validation), 'held-out log')}"
-    return fitted
+    """Return the number of fitted and of held-out logs."""
+    fitted = f"{format_count(len(result.samples), 'log')} fitted"
+    held = f", {len(result.validation)} held out" if result.validation else ""
+    return f"{fitted}{held}"
 
 
 def drawn_torque(out: Prediction) -> tuple[Array, Array]:
