@@ -151,7 +151,7 @@ def test_python_says_the_same(verb, study):
 def test_sound_logs_have_no_warning(study):
     printed = call(f"analyze {GIVEN} --quick --report page.html --json page.json")
     assert "Warning" not in printed
-    assert "largest in joint_2: " in printed
+    assert "Largest in joint_2: " in printed
     # An effect is missing: nothing praises the error, on one page two answers would contradict.
     assert not UNRESERVED.search(text_of(study / "page.html"))
     kept = pd.read_json(study / "page.json", typ="series")
