@@ -101,6 +101,8 @@ class Log:
         Codes of signed numbers that its table shows, by the kind of column.
     drives_alone : bool
         Whether `tau` is motor torque minus link torque.
+    arrivals : (N,) or None [s]
+        Time since which the commands of each row are held, if they arrived irregularly.
     """
 
     name: str
@@ -127,6 +129,7 @@ class Log:
     speed_error: Array | None = None
     codes: Mapping[str, Code] = {}
     drives_alone: bool = False
+    arrivals: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -139,6 +142,8 @@ class Log:
     @cached_property
     def commands_since(self) -> Array:
         """Return the time since which the commands of each row are held, (N,) [s]."""
+        if self.arrivals is not None:
+            return self.arrivals
         told = [x for x in (self.q_ref, self.dq_ref, self.tau_ff) if x is not None]
         changes = np.zeros(len(self), bool)
         for x in told:
@@ -264,7 +269,7 @@ class Log:
     @property
     def _arrays(self) -> dict[str, Any]:
         """Return the arrays that have a row for every sample, by name."""
-        names = ("t", *self.channels, "rollout", "base", "unmeasured")
+        names = ("t", *self.channels, "rollout", "base", "unmeasured", "arrivals")
         found = {name: getattr(self, name) for name in names}
         return {name: x for name, x in found.items() if x is not None}
 
@@ -409,7 +414,7 @@ class Log:
             return self
         order = [self.joints.index(j) for j in wanted]
         ordered = self.each(lambda x: x[:, order], joints=tuple(wanted))
-        return replace(ordered, base=self.base)
+        return replace(ordered, base=self.base, arrivals=self.arrivals)
 
 
 def join_logs(logs: Sequence[Log]) -> Log:

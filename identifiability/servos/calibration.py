@@ -142,6 +142,8 @@ class Recording(NamedTuple):
         Where it is data.
     direction : (N, n) int
         Sign of the dry friction.
+    columns : (N, n, k)
+        Of the model.
     """
 
     rows: np.ndarray
@@ -149,6 +151,7 @@ class Recording(NamedTuple):
     residual: Array
     moves: np.ndarray
     direction: np.ndarray
+    columns: Array
 
     @property
     def turns(self) -> np.ndarray:
@@ -175,4 +178,4 @@ def prepare_recording(
         if f"{joint}.Fc" in columns:
             direction[:, j] = np.rint(W[:, j, columns.index(f"{joint}.Fc")])
     residual = np.where(moves, residual, 0.0)
-    return Recording(samples.motion.kept, modelled, residual, moves, direction)
+    return Recording(samples.motion.kept, modelled, residual, moves, direction, W)

@@ -91,6 +91,14 @@ def fit_rollouts(
     return conclude(problem, end)
 
 
+def refit_rollouts(found: Rollouts, logs: Sequence[Log]) -> Rollouts:
+    """Return rollouts that follow other versions of their logs, from where their search ended."""
+    problem, end = found.search
+    problem = copy(problem)
+    problem.windows = [window.along(logs[window.log]) for window in problem.windows]
+    return conclude(problem, descend(problem, end.x))
+
+
 def leave_bounds(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     """Return where a search ends if odd joints with hardly a rotor begin again with a usual one.
 

@@ -6,7 +6,7 @@ are first found from rollouts, which differentiate nothing. Then the torque is c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,9 +28,9 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 
-from .arrivals import leave_out_irregular
+from .arrivals import leave_out_irregular, move_commands
 from .calibration import calibrate_torque, prepare_recording
-from .fit import divide_gains, fit_rollouts
+from .fit import divide_gains, fit_rollouts, refit_rollouts
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints
 from .rollouts import Rollouts, are_contradicted
@@ -108,12 +108,57 @@ def follow_commands(
     except RobotError as error:
         return _without_rollouts(recordings, servo, error), structure
     say("checking each joint", 0.45)
-    servos = identify_servos(robot, logs, found)
+    moved, irregular, found = locate_commands(structure, logs, found, how, rng.spawn(1)[0])
+    if servo.rolled and irregular:
+        robot = replace(robot, servo=with_numbers(servo, found))
+    servos = identify_servos(robot, moved, found)
     say("calibrating torque", 0.55)
+    every = [*recordings.fitted]
+    for k, log in zip(at, moved, strict=True):
+        every[k] = log
+    recordings = replace(recordings, fitted=tuple(every))
     # Rollouts of a structure need no record of how its gains were found.
     plain = replace(servos.robot, servo=replace(servos.servo, rolled=None))
     structure = replace(structure, robot=plain)
-    return _calibrate(recordings, structure, servos, at, how, rng), structure
+    return _calibrate(recordings, structure, servos, at, irregular, how, rng), structure
+
+
+def locate_commands(
+    structure: Structure,
+    logs: Sequence[Log],
+    found: Rollouts,
+    how: Preparation,
+    rng: np.random.Generator,
+) -> tuple[list[Log], dict[str, float], Rollouts]:
+    """Return logs whose irregular commands act when they arrived, and rollouts of these logs.
+
+    Between the two are the shares of irregular commands, by the name of the log, where some are.
+
+    Parameters
+    ----------
+    structure : Structure
+    logs : sequence of Log
+        With torque of commands, in the robot's order of joints.
+    found : Rollouts
+        Of these logs.
+    how : Preparation
+        With the cut-off of all logs.
+    rng : Generator
+    """
+
+    def move(logs: Sequence[Log]) -> tuple[list[Log], dict[str, float]]:
+        values = found.parameters
+        pairs = zip(logs, found.delays.tolist(), strict=True)
+        each = [move_commands(structure, log, delay, values, how, rng) for log, delay in pairs]
+        moved = [log for log, _ in each]
+        return moved, {log.name: share for log, share in each if share}
+
+    moved, shares = move(logs)
+    if shares:
+        found = refit_rollouts(found, moved)
+        # Their numbers are no longer those of wrong times.
+        moved, _ = move(moved)
+    return moved, shares, found
 
 
 def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> IdentifiedServos:
@@ -160,6 +205,7 @@ def _calibrate(
     structure: Structure,
     servos: IdentifiedServos,
     at: Sequence[int],
+    shares: Mapping[str, float],
     how: Preparation,
     rng: np.random.Generator,
 ) -> Recordings:
@@ -172,6 +218,8 @@ def _calibrate(
     servos : IdentifiedServos
     at : sequence of int
         Places of the fitted logs with commands.
+    shares : mapping of str to float
+        Of irregular commands, by the name of the log, where some are.
     """
     found = servos.found
     servo = servos.servo
@@ -182,19 +230,24 @@ def _calibrate(
 
     def judged(log: Log) -> Log:
         band = fit_band(structure.robot, log, how) or how
+        if shares:
+            selected = log.select(structure.robot.joints)
+            values = found.parameters
+            log, _ = move_commands(structure, selected, servo.delay, values, band, rng)
         return calibrated(log, servo.delay, band)
 
     pairs = zip(at, found.delays.tolist(), strict=True)
     own = {k: calibrated(recordings.fitted[k], delay) for k, delay in pairs}
-    shares = dict[str, float]()
+    irregular_shares = dict[str, float]()
     for k, log in own.items():
         recording = prepare_recording(structure, log, found.parameters, how)
         own[k], share = leave_out_irregular(structure.robot, log, servo, recording, how)
-        shares |= {log.name: share} if share else {}
+        irregular_shares |= {log.name: share} if share else {}
+    irregular_shares |= shares
     irregular = []
-    if shares:
-        most = max(shares.values())
-        irregular.append(Finding("irregular", names=[*shares], share=100 * most))
+    if irregular_shares:
+        most = max(irregular_shares.values())
+        irregular.append(Finding("irregular", names=[*irregular_shares], share=100 * most))
     held_out = [judged(x) if of_commands(x) else x for x in recordings.held_out]
     later = [*_delay_doubts(own, servo, found), *_level_doubts(own, servo)]
     later += [

@@ -45,6 +45,11 @@ class Window:
         rows = log.rows(start, stop)
         return Window(k, rows, moving_commands(rows), log)
 
+    def along(self, log: Log) -> Window:
+        """Return the same stretch of another version of its log."""
+        start = int(np.searchsorted(log.t, self.rows.t[0]))
+        return Window.of(self.log, log, start, start + len(self.rows))
+
 
 def cut_windows(logs: Sequence[Log]) -> list[Window]:
     """Return windows of logs: each log whole, or equally spaced windows of a log that is longer."""
