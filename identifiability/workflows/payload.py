@@ -283,7 +283,7 @@ def describe_body(theta: Array) -> Array:
 
 
 def state_quantities(
-    found: LoadEstimate, body: Array, length: float, scale: TorqueScale
+    found: LoadEstimate, body: Array, length: float, scale: TorqueScale, *, turns: bool
 ) -> tuple[Quantity, ...]:
     """Return the quantities of a body with the intervals of its estimate.
 
@@ -298,6 +298,8 @@ def state_quantities(
         sure to its size, a centre to this length, a product to the least moment.
     scale : TorqueScale
         The factor by which torque is read too large.
+    turns : bool
+        Whether the robot can turn the body that carries it.
     """
     values = describe_body(body)
     half = _half_widths(found, body, scale)
@@ -312,7 +314,7 @@ def state_quantities(
     for k, (name, unit) in enumerate(QUANTITIES.items()):
         why = ""
         if np.isinf(half[k]):
-            why = phrase("untold", "motion")
+            why = phrase("untold", "motion") if turns else phrase("untold", "turn")
         elif k and unsure[0]:
             why = phrase("untold", "mass")
         elif unsure[k]:
@@ -601,9 +603,9 @@ def payload(
     with one_thread("blas"):
         case = take_case(robot, (), without, None)
         fit, empty = _find_unloaded(result, case.robot)
-        load.check(empty)
         structure = _without_gains(case.robot) if fit is None else fit.structure
         place = choose_body(structure, body)
+        load.check(empty, turns=can_turn(structure, place))
         unloaded = case if isinstance(robot, Case) else [*empty, *case.validate]
         sides, hints = _gather_sides(fit, structure, logs, unloaded, run)
         differences = _find_load(sides, fit, structure, place, load, case.robot.gravity)
@@ -611,7 +613,7 @@ def payload(
         scale = UNSCALED
         if fit is not None and mass is None:
             scale = measure_torque_scale(fit, [sample.motion for sample in sides.samples])
-        numbers = _state_load(found, sides, structure, scale)
+        numbers = _state_load(found, sides, structure, place, scale)
         if mass is not None:
             theta = load.parameters(numbers["parameters"])
             numbers["gains"] = find_gains(differences, theta, moments=inertia is not None)
@@ -629,7 +631,7 @@ def payload(
 
 
 def _state_load(
-    found: Differences, sides: Sides, structure: Structure, scale: TorqueScale
+    found: Differences, sides: Sides, structure: Structure, place: str, scale: TorqueScale
 ) -> dict[str, Any]:
     """Return logs, the estimate of a load, and its quantities, as a `Load` names them."""
     loaded, unloaded = sides.paths
@@ -637,8 +639,9 @@ def _state_load(
     nearest = nearest_body(estimate)
     bodies = draw_bodies(structure)[0][structure.inertial]
     length = float(np.median(natural_scale(bodies)[1]))
-    quantities = state_quantities(estimate, nearest / scale.factor, length, scale)
-    as_measured = state_quantities(estimate, nearest, length, UNSCALED)
+    turns = can_turn(structure, place)
+    quantities = state_quantities(estimate, nearest / scale.factor, length, scale, turns=turns)
+    as_measured = state_quantities(estimate, nearest, length, UNSCALED, turns=turns)
     return {
         "logs": loaded,
         "without": unloaded,
@@ -667,8 +670,10 @@ class KnownLoad:
     centre: Point | None
     inertia: Point | None
 
-    def check(self, empty: Sequence[LogLike]) -> None:
+    def check(self, empty: Sequence[LogLike], *, turns: bool) -> None:
         """Refuse a load that is known in part; logs instead of a result need more of it.
+
+        The centre of a load that the robot cannot turn has no torque.
 
         Raises
         ------
@@ -680,7 +685,7 @@ class KnownLoad:
             raise OptionError(Finding("load.moments"))
         if empty and not mass:
             raise OptionError(Finding("load.mass"))
-        if empty and not centre:  # by one gain of all joints it would be found elsewhere
+        if empty and turns and not centre:  # by one gain of all joints it would be found elsewhere
             raise OptionError(Finding("load.centre"))
 
     def parameters(self, nearest: Array) -> Array:
@@ -809,6 +814,12 @@ def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
     if loud:
         return [phrase("load_noise", "says", logs=listing(loud, 4))]
     return []
+
+
+def can_turn(structure: Structure, body: str) -> bool:
+    """Return whether the robot can turn a body: else no torque depends on its first moments."""
+    moments = [p.owner == body and p.kind in ("mx", "my", "mz") for p in structure.parameters]
+    return bool(structure.G[:, moments].any())
 
 
 def choose_body(structure: Structure, body: str | None) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Table
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
@@ -59,6 +60,11 @@ class LoadPresenter(AnsweringPresenter):
         if not (result.without or result.gains):
             weigh = f"payload {self.robot} {fitted} {logs} {body} --without empty.csv"
             out.insert(0, command("weigh", weigh))
+        if result.gains and result.without:
+            unloaded = name_logs(result.robot, result.without)
+            out.append(command("state_gains", f"analyze {self.robot} {unloaded}"))
+        if _is_fixed(result):
+            return out
         begun = name_logs(result.robot, result.logs, "--start-from")
         return [*out, command("motion", f"excite {self.robot} {begun} --out next.json")]
 
@@ -79,6 +85,7 @@ class LoadPresenter(AnsweringPresenter):
         """Return one row a quantity, or a joint whose gain a known load tells."""
         result = self.result
         part = "quantities" if result.known is None else "gains"
+        digits = 3 if result.known is None else 4
         shown = result.quantities if result.known is None else result.gains
         rows = []
         for q in shown:
@@ -87,7 +94,7 @@ class LoadPresenter(AnsweringPresenter):
             word = result[q.name].verdict
             ends = _bound_cell(q.high, unit)
             if not _is_bounded(q):
-                ends = span_cell(times * q.low, times * q.high, unit)
+                ends = span_cell(times * q.low, times * q.high, unit, digits)
             rows.append((q.name, value, ends, Cell(word, word, q.why, word)))
         return (make_table("load", rows, caption=sentence("payload.tables", part)),)
 
@@ -116,6 +123,11 @@ def _state_bound(q: Quantity) -> str:
 def _bound_cell(high: float, unit: str) -> Cell:
     """Return a range that begins at zero as its upper end."""
     return Cell(sentence("payload.tables", "below", high=high, unit=unit), high)
+
+
+def _is_fixed(result: Load) -> bool:
+    """Return whether the robot cannot turn the load, so that no motion tells more of it."""
+    return any(q.why == phrase("untold", "turn") for q in result.quantities)
 
 
 def _list_missing(result: Load) -> tuple[str, ...]:
@@ -196,6 +208,8 @@ def _answer_known(result: Load) -> Answer:
     lost = sentence(about, "lost", names=others) if others else ""
     told = [q for q in centre if q.told]
     part = {0: "open", len(centre): "centre"}.get(len(told), "some")
+    if _is_fixed(result):
+        part = "never"
     at = ", ".join(f"{q.name[-1]} {measured(1e3 * q.value, 1e3 * q.sigma)}" for q in told)
     return answer(about, part, join_sentences(limited, lost), tone, at=at, body=result.body)
 

@@ -80,9 +80,9 @@ def add_units(frame: pd.DataFrame, *columns: str) -> list[dict[Any, Any]]:
     return [row | {name: unit_cell(row[name], row["unit"]) for name in columns} for row in rows]
 
 
-def span_cell(low: float, high: float, unit: str = "") -> Cell:
+def span_cell(low: float, high: float, unit: str = "", digits: int = 3) -> Cell:
     """Return a range as one cell, sorted by its upper end."""
-    ends = (format_number(x, 3, pad=True) for x in (low, high))
+    ends = (format_number(x, digits, pad=True) for x in (low, high))
     return Cell(f"{' … '.join(ends)} {unit}".rstrip(), high)
 
 
