@@ -162,8 +162,7 @@ def follow(line):
     "robot",
     [
         "six-dof-arm",
-        *(pytest.param(r, marks=pytest.mark.everything) for r in ("3-rps", "hobby-arm")),
-        pytest.param("quadruped", marks=pytest.mark.everything),
+        *(pytest.param(r, marks=pytest.mark.everything) for r in ("hobby-arm", "quadruped")),
     ],
 )
 def test_next_lines_of_a_new_study_end_in_an_exported_robot(robot, tmp_path, monkeypatch):

@@ -18,7 +18,8 @@ BEYOND = """() => {
   for (const fold of document.querySelectorAll("details")) fold.open = true;
   const root = document.documentElement, width = root.clientWidth;
   const out = [...document.querySelectorAll("main *")].filter((e) =>
-    !e.closest(".table-box, .plot-box, svg *") && e.getBoundingClientRect().right > width + 1);
+    !e.closest(".table-box, .plot-box, .command, svg *")
+      && e.getBoundingClientRect().right > width + 1);
   return [root.scrollWidth - width, out.map((e) => e.outerHTML.slice(0, 90))];
 }"""
 

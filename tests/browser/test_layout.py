@@ -11,7 +11,7 @@ CARD = """async () => {
 
 
 #: Where headline, line to copy, fold of the others, picture and values begin [px].
-FIRST = """() => [".answers strong", ".command", ".others", "figure", "table"].map(
+FIRST = """() => [".answers strong", "figure", ".command", ".others", "table"].map(
   (name) => document.querySelector(name).getBoundingClientRect().top)"""
 
 FILTERED = """() => {
@@ -67,7 +67,7 @@ def test_rows_become_cards_on_phones_alone_and_say_what_each_number_is(look, rep
         assert seen.page.evaluate(CARD) == [look, "value", "cell"]
 
 
-def test_what_to_do_comes_before_the_picture_and_other_steps_are_folded(reports, visit):
+def test_the_picture_comes_after_the_answer_and_what_to_do_before_tables(reports, visit):
     with visit(reports["demo"], 400) as seen:
         places = seen.page.evaluate(FIRST)
     assert places == sorted(places)

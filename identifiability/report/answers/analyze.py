@@ -143,7 +143,9 @@ class LadderedPresenter(PredictingPresenter):
             line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
             begun = commands.name_logs(result.robot, names, "--start-from", how)
             more = f"excite {self.robot} {begun} --out next.json"
-            out = [command("prune", line), command("measure", more)]
+            # Another motion separates values from offsets, a smaller model does not.
+            apart = -1 if of_key(result.hints, "excluded_offsets") else 1
+            out = [command("prune", line), command("measure", more)][::apart]
         if result.recordings.commanded or not find_rises(result.real_robot, "mjcf"):
             export = partial(commands.export_line, result.robot)
             line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
