@@ -200,10 +200,10 @@ class Solution(Normal):
         return find_chains(self.factor != 0)
 
     def evidence_of(self, sets: Sequence[np.ndarray]) -> Array:
-        """Return what each set of values adds to the likelihood, (sets,) [nat].
+        """Return the gain in likelihood by each set of values, given the others, (sets,) [nat].
 
-        It is that of the values by which they differ from zero [Dickey 1971]. The density of their
-        prior at zero is left out.
+        It is the ratio of their densities at zero, before and after the data [Dickey 1971]. The
+        density of the prior is left out.
         """
         # The factor's last rows hold all about the last values.
         first = min((int(at.min()) for at in sets), default=0)

@@ -544,7 +544,7 @@ class Regression:
         return other
 
     def with_torque(self, samples: Sequence[Dataset]) -> Regression:
-        """Return these columns, with their chunks, beside other torque along the same motion."""
+        """Return these columns, with their chunks, of logs that differ in torque alone."""
         size = rows_at_once(self.robot, self.model.widths(self.robot))
         kept = list[list[Chunk] | None]()
         for chunks, log in zip(self._kept, samples, strict=True):

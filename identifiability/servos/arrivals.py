@@ -226,17 +226,7 @@ def leave_out_irregular(
     """Return a log without rows of irregular commands, and the share of such commands.
 
     A log with less than one such command in a hundred stays as it is, with a share of zero.
-
-    Parameters
-    ----------
-    robot : Robot
-    log : Log
-        With calibrated torque of commands.
-    servo : Servo
-    recording : Recording
-        The log as it is prepared.
-    how : Preparation
-        Of the recording.
+    Parameters are those of `find_arrivals`, after the robot.
     """
     starts = _list_commands(log)
     if len(starts) < 3 or log.q_ref is None or log.servo_delay is None:

@@ -817,9 +817,11 @@ def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
 
 
 def can_turn(structure: Structure, body: str) -> bool:
-    """Return whether the robot can turn a body: else no torque depends on its first moments."""
-    moments = [p.owner == body and p.kind in ("mx", "my", "mz") for p in structure.parameters]
-    return bool(structure.G[:, moments].any())
+    """Return whether the robot can turn a body: else all torque by it depends on its mass alone."""
+    own = [p.owner == body and p.kind in INERTIAL_KINDS for p in structure.parameters]
+    of_mass = [p.kind == "m" for p in structure.parameters]
+    of_turning = np.array(own) & ~np.array(of_mass)
+    return bool(structure.G[:, of_turning].any())
 
 
 def choose_body(structure: Structure, body: str | None) -> str:

@@ -329,7 +329,7 @@ def _centre_rows(change: Change) -> Iterator[tuple[str, str, str, str]]:
 def _state_torque(change: Change) -> str:
     """Return the torque of a change, at the joint that feels it most."""
     felt = change.felt
-    torque = signed(felt.rms, felt.sd, felt.unit)
+    torque = f"{measured(abs(felt.rms), felt.sd, felt.unit)} rms"
     return torque if felt.joint in ("", change.place) else f"{torque} at {felt.joint}"
 
 
