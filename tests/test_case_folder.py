@@ -83,7 +83,7 @@ def test_proposed_lines_are_short_where_the_case_says_the_same(folder, command, 
     assert line.startswith("identifiability ")
     assert not {"robot.xml", "run1.csv", "cutoff=9"} & {*line.split()}
     assert command(*line.split()[1:], "--quick").exit_code == 0
-    other = next_line(command("inspect", ".", "run1.csv", "run2.csv").output)
+    other = next_line(command("inspect", "run1.csv", "run2.csv").output)
     assert "robot.xml run1.csv --validate run2.csv --report" in other
     monkeypatch.chdir(folder.parent)
     assert next_line(command("inspect", "study").output).startswith("identifiability analyze study")

@@ -410,8 +410,22 @@ class Command(typer.core.TyperCommand):
             told = "true" if self.settings[key].kind is bool else follows
             ctx.fail(f"{option} is a setting: type --set {key}={told}.")
         words = [given for given in args if given not in loud]
+        self._insert_folder(ctx, words)
         ctx.default_map = self._read_case(ctx, words)
         return super().parse_args(ctx, words)
+
+    def _insert_folder(self, ctx: Any, words: list[str]) -> None:
+        """Insert ``.`` before a log that is typed in place of the robot in the folder of a case."""
+        if not Path("case.toml").is_file():
+            return
+        parsed, _, _ = self.make_parser(ctx).parse_args(args=[*words])
+        first = parsed.get("robot")
+        if not isinstance(first, str) or first not in words:
+            return
+        from identifiability.logs.tables import is_log_file  # noqa: PLC0415
+
+        if is_log_file(Path(first)):
+            words.insert(words.index(first), ".")
 
     def _read_case(self, ctx: Any, words: list[str]) -> dict[str, Any]:
         """Return the values of the case file for options that were not typed.

@@ -475,8 +475,9 @@ def simulate(
     missing = left_out(robot)
     if missing:
         echo(
-            f"The robot's sidecar states {listing(missing, 6)}, which are not simulated: give such "
-            "effects by --hide."
+            f"The log lacks the torque of {listing(missing, 6)}, which the sidecar states: "
+            "`simulate` leaves such effects out. `predict` has them, with the result that fitted "
+            "them."
         )
     if robot.springs:
         echo(

@@ -44,6 +44,11 @@ PIECE_CELLS, PIECE_LETTERS = 500_000, 2_000_000
 BEGINNING = 1 << 18
 
 
+def is_log_file(path: Path) -> bool:
+    """Return whether a path has the ending or the content of a log."""
+    return path.suffix.lower() in (".csv", *PARQUET) or find_reader(path) is not None
+
+
 def is_parquet(path: Path) -> bool:
     """Return whether the name of a file is that of a Parquet file."""
     return path.suffix.lower() in PARQUET

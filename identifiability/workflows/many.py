@@ -23,9 +23,8 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Progress, quiet, running
 from identifiability.foundation.values import frozen
 from identifiability.foundation.wording import at_terminal
-from identifiability.logs.formats.reader import find_reader
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.tables import PARQUET, write_table
+from identifiability.logs.tables import is_log_file, write_table
 from identifiability.robot.locate import ENDINGS
 from identifiability.robot.sidecar import read_settings
 
@@ -55,7 +54,7 @@ def _find(folder: Path) -> tuple[Path, list[Path], list[Path]]:
     if len(files) != 1:
         has = f"has {listing([p.name for p in files])}" if files else "has no robot file"
         raise OptionError(f"'{folder.name}' {has}; there must be one robot.urdf or robot.xml.")
-    logs = [p for p in there if p.suffix.lower() in (".csv", *PARQUET) or find_reader(p)]
+    logs = [path for path in there if is_log_file(path)]
     if not logs:
         raise OptionError(Finding("fleet.logs", folder.name))
     fitted = logs[:-1] or logs
