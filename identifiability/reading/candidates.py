@@ -25,6 +25,7 @@ from identifiability.quality import MeasuredLogs
 from identifiability.quality.hints import find_torque_scale, measure_factors
 from identifiability.quality.magnitudes import may_be_magnitudes
 from identifiability.robot import Robot
+from identifiability.robot.description import write_gravity
 
 from .reading import Reading
 
@@ -298,10 +299,10 @@ class ReadingCandidates:
 
     def turned(self, gravity: Array) -> Reading:
         """Return the reading under which gravity (3,) [m/s²] acts in another direction."""
-        tilt = self.logs.robot.turned(gravity).tilt
+        robot = self.logs.robot.turned(gravity)
         return self._other(
-            "" if tilt is None else f"Gravity {tilt.text}",
-            "Write it into the robot file, or export it",
+            "" if robot.tilt is None else f"Gravity {robot.tilt.text}",
+            f"State it in the robot file ({write_gravity(robot)}), or export it",
             gravity=gravity,
             turned=True,
             fitted_numbers=2,

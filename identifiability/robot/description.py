@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
@@ -23,7 +24,7 @@ from identifiability.foundation.values import frozen
 
 from .elastic import Spring
 from .floating import SIX, Base
-from .kinematics import WORLD, Point, Tree, shortest_turn
+from .kinematics import DOWN, WORLD, Point, Tree, shortest_turn
 from .locate import ROOTS, parse_xml, read_included
 from .servo import Servo
 from .sidecar import KnownTorque, MeasuredTorque, Sidecar
@@ -795,3 +796,13 @@ class Description(Stated):
 
 #: A position or speed from which on a file means that there is no limit [rad or m, and per s].
 ENDLESS: Tolerance = 1e6
+
+
+def write_gravity(robot: Description) -> str:
+    """Return what states the robot's direction of gravity in its file."""
+    if robot.mjcf:
+        numbers = " ".join(f"{c:.4g}" for c in robot.gravity.round(4) + 0.0)
+        return f'<option gravity="{numbers}"/>'
+    turn = pin.exp3(shortest_turn(robot.gravity, DOWN))
+    angles = " ".join(f"{a:.4g}" for a in pin.rpy.matrixToRpy(turn).round(4) + 0.0)
+    return f'a new first link, and below it a fixed joint with rpy="{angles}"'

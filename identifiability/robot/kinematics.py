@@ -35,6 +35,10 @@ def basis_along(axis: Array) -> Array:
     return np.stack([first, np.cross(axis, first), axis], 1)
 
 
+#: Where gravity points in a URDF.
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
 def shortest_turn(start: Array, end: Array) -> Array:
     """Return the rotation vector (3,) of the smallest rotation between two directions (3,).
 

@@ -29,7 +29,7 @@ from .closure import rest_along
 from .description import FIELDS, Axis, Description
 from .elastic import write_springs
 from .floating import BASE_JOINTS
-from .kinematics import least_eigenvalue, shortest_turn
+from .kinematics import DOWN, least_eigenvalue, shortest_turn
 from .locate import (
     MOST_ELEMENTS,
     drop_repeated,
@@ -349,10 +349,6 @@ def _add(top: ET.Element, axis: Axis) -> ET.Element:
 #
 # The file is parsed and written as XML, and only numbers change. Values that a format cannot hold
 # go to a sidecar, which the library reads back. Effects define these values.
-
-
-#: Where gravity points in a URDF, and by how little it may be off [rad].
-DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def write_robot(

@@ -97,7 +97,7 @@ def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
     assert not any(e.name == "gravity_tilt" for e in found.effects)
     assert np.linalg.norm(found.robot.tilt.direction - [0, 1, 0]) < 0.02
     assert "Gravity points along (" in found.details
-    assert "from the direction that the file states" in found.details
+    assert 'fixed joint with rpy="-1.5' in found.details
     assert found.held_after < 0.03
     told = found.to_dict()
     assert told["robot"]["gravity"]["degrees"] == pytest.approx(90.0, abs=1.0)
