@@ -85,6 +85,8 @@ def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(frame, state
     log = Log.read(bag, known)
     pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
     assert log.notes == ("messages that do not tell of the robot's joints were passed over",)
+    apart = Log.read(write_bag({"/gripper": finger, "/joint_states": arm}, name="apart"), known)
+    assert_array_equal(apart.q, log.q)
     other = Conventions(joints=("a", "b"), columns=Renames.of({"shoulder": "a", "elbow": "b"}))
     renamed = Log.read(bag, other)
     assert_array_equal(renamed.q, log.q)

@@ -102,7 +102,7 @@ def read_bag(path: str | Path, known: Conventions) -> pd.DataFrame:
     bag, named = split_topic(path)
     with _opened(bag) as reader:
         name, _, of = named.partition(",")
-        states = _choose_topic(bag, reader, name)
+        states, chosen = _choose_topic(bag, reader, name, known)
         goal = _choose_commands(bag, reader, of)
         source = f"{bag}: the joint states on {states}"
         told = _messages(reader, states, JOINT_STATE)
@@ -110,6 +110,7 @@ def read_bag(path: str | Path, known: Conventions) -> pd.DataFrame:
         if goal:
             _add_commands(reader, frame, goal)
         _add_base(reader, frame)
+        frame.attrs["notes"] += chosen
         return frame
 
 
@@ -168,26 +169,40 @@ def _messages(reader: Any, topic: str, kinds: Collection[str]) -> Iterator[tuple
         yield recorded, reader.deserialize(raw, connection.msgtype)
 
 
-def _choose_topic(path: Path, reader: Any, wanted: str) -> str:
+def _choose_topic(
+    path: Path, reader: Any, wanted: str, known: Conventions
+) -> tuple[str, list[str]]:
+    """Return the topic of joint states, and a note if it was chosen among several.
+
+    Raises
+    ------
+    LogError
+        If there is none of this name, or several, and not one alone has all joints of the robot.
+    """
     found = sorted({str(c.topic) for c in reader.connections if c.msgtype in JOINT_STATE})
     if wanted in found or (not wanted and len(found) == 1):
-        return wanted or found[0]
+        return wanted or found[0], []
     if not found:
         others = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
         raise LogError(Finding("bag.none", path, others=listing(others) or "nothing"))
-    if not wanted:
-        first = {topic: next(_messages(reader, topic, JOINT_STATE), None) for topic in found}
-        told = [t for t, x in first.items() if x and np.isfinite(x[1].effort).any()]
-        example = path_for_shell(f"{path}:{(told or found)[0]}", always=True)
-        raise LogError(
-            Finding(
-                "bag.several",
-                path,
-                topics=[*found],
-                example=example,
-            )
-        )
-    raise _no_topic(path, "joint states", wanted, found)
+    if wanted:
+        raise _no_topic(path, "joint states", wanted, found)
+    first = {topic: next(_messages(reader, topic, JOINT_STATE), None) for topic in found}
+    told = {topic: x[1] for topic, x in first.items() if x}
+    names = {topic: {*map(known.columns.apply, x.name)} for topic, x in told.items()}
+    sides = [{*side} for side in (known.motors, known.joints) if side]
+    whole = [topic for topic, own in names.items() if any(side <= own for side in sides)]
+    if len(whole) == 1:
+        note = f"joint states on {whole[0]} were read: no other topic has all joints of the robot"
+        return whole[0], [note]
+
+    def suits(topic: str) -> tuple[int, bool]:
+        shared = max((len(side & names[topic]) for side in sides), default=0)
+        return shared, bool(np.isfinite(told[topic].effort).any())
+
+    example = max(told, key=suits, default=found[0])
+    proposed = path_for_shell(f"{path}:{example}", always=True)
+    raise LogError(Finding("bag.several", path, topics=[*found], example=proposed))
 
 
 def _no_topic(path: Path, what: str, wanted: str, found: Sequence[str]) -> LogError:
@@ -321,7 +336,8 @@ def _read_states(
     frame.insert(0, "t", (stamp[order] - stamp.min()) * 1e-9)
     frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
     frame.attrs["recorded"] = times[order, 1]
-    frame.attrs["mixed"] = len(groups) > 1
+    note = "messages that do not tell of the robot's joints were passed over"
+    frame.attrs["notes"] = [note] if len(groups) > 1 else []
     return frame
 
 
@@ -393,6 +409,5 @@ def read_joints(path: Path, known: Conventions) -> Whole:
         If the bag cannot be read, or has no such topic or joints.
     """
     frame = read_bag(path, known)
-    note = "messages that do not tell of the robot's joints were passed over"
-    form = replace(PLAIN, notes=(note,)) if frame.attrs.pop("mixed") else PLAIN
+    form = replace(PLAIN, notes=tuple(frame.attrs.pop("notes")))
     return frame, form, hash_files(split_topic(path)[0])
