@@ -769,7 +769,7 @@ def _refuse_missing(
     has = [*dict.fromkeys(c.joint for c in measured.values() if c.kind in ("q", "tau"))]
     wanted = known.motors if {*has} & {*known.motors} else known.joints or has or ["<joint>"]
     missing = [n for j in wanted for n in (f"{j}.q", f"{j}.tau") if n not in taken]
-    likely = [n for n in free if _may_be(n, missing)]
+    likely = [n for n in free if _may_be(n, missing) and "wrench" not in words_of(n)]
     raise LogError(tell_missing(source, missing, wanted, likely, known.passive))
 
 
