@@ -14,7 +14,7 @@ import numpy as np
 
 from identifiability.effects import Family, find_families
 from identifiability.effects.friction import PassiveJointFriction, RisingFriction
-from identifiability.effects.measurement import CommandDelay, TorqueScale
+from identifiability.effects.measurement import ClockError, CommandDelay, TimeDelay, TorqueScale
 from identifiability.effects.transmission import Hysteresis
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
 from identifiability.foundation.names import Array
@@ -42,6 +42,8 @@ from .rules import RULES
 Places = dict[tuple[str, str], dict[str, float]]
 #: Terms, each with a gain [nat].
 Gains = tuple[tuple[Term, float], ...]
+#: Terms, each with a gain and the gain that it needs to be named [nat].
+Weak = tuple[tuple[Term, float, float], ...]
 #: Terms that unseen rows confirm, and the gains of all terms there, by key [nat].
 Confirmed = tuple[Terms, dict[tuple[str, str], float]]
 
@@ -80,8 +82,8 @@ class Judged:
     places : Places
     refuted : Gains
         Terms that fitted rows named and unseen rows refuted, with their gains there [nat].
-    possible : Gains
-        Possible terms that are not named, with their gains on left-out blocks [nat].
+    possible : Weak
+        Possible terms that are not named, with their gains on left-out blocks.
     tried : set of (str, str)
         Names that were tried in place of a term.
     """
@@ -91,7 +93,7 @@ class Judged:
     unseen: dict[tuple[str, str], float]
     places: Places
     refuted: Gains = ()
-    possible: Gains = ()
+    possible: Weak = ()
     tried: frozenset[tuple[str, str]] = frozenset()
 
     @property
@@ -225,6 +227,8 @@ def further_gains(search: Search, terms: Terms) -> Terms:
     return tuple(t for t in search.model.gains(terms) if t.key not in contained)
 
 
+#: Families of errors in the times of a log: no approximations, so they leave nothing to others.
+CLOCKS = (ClockError.name, TimeDelay.name)
 #: Families that a joint which sticks at reversals may imitate.
 LATE_FRICTION = (RisingFriction.name, Hysteresis.name)
 
@@ -306,7 +310,7 @@ def _families_of(terms: Terms) -> set[str]:
     return {t.group.family for t in terms}
 
 
-def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Gains]:
+def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Weak]:
     """Return places where terms surely gain on left-out blocks, and terms that may gain.
 
     A family everywhere is one term for each place. Each term also needs its own log odds, which use
@@ -319,14 +323,15 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Gains]:
     folds = leave_out_each(search.missing.products(rows, _block_edges(rows), among=found))
     owners, terms = _split_places(search, found)
     every = list(zip(owners, terms, strict=True))
-    possible, gains = list[tuple[Term, float]](), np.empty(0)
+    possible, gains = list[tuple[Term, float, float]](), np.empty(0)
     while terms:
         gains, needed = _gains_left_out(search.model, terms, folds)
         lacking = np.minimum(gains - needed, search.model.odds_each(terms) - RULES.name)
         gone = _choose_leaving(lacking, owners, terms)
         if not gone:
             break
-        possible += [(terms[k], float(gains[k])) for k in gone if gains[k] > 0]
+        left = [(terms[k], float(gains[k]), float(needed[k])) for k in gone]
+        possible += [weak for weak in left if weak[1] > 0]
         stays = [k for k in range(len(terms)) if k not in gone]
         owners, terms = [owners[k] for k in stays], tuple(terms[k] for k in stays)
     places: Places = {t.key: {} for t in found}
@@ -336,9 +341,7 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Gains]:
     if len(places.get(together, ())) > 1:
         joined = [t for owner, t in every if owner == together]
         places[together] = {t.group.place: np.nan for t in joined} | places[together]
-        possible = [
-            (t, gain) for t, gain in possible if t.group.family != PassiveJointFriction.name
-        ]
+        possible = [x for x in possible if x[0].group.family != PassiveJointFriction.name]
     return places, tuple(possible)
 
 
@@ -388,34 +391,38 @@ def _gains_left_out(model: MixedModel, terms: Terms, folds: BlockFolds) -> tuple
 
     A law is an approximation. The likeliest term of a joint may leave an error that other terms
     fit. Each other term must therefore gain a share of their joint gain, or be no such error. The
-    likeliest may be a family everywhere.
+    likeliest may be a family everywhere. An error of clocks is no law of the joint.
     """
-    here = dict[str, list[int]]()
+    laws = dict[str, list[int]]()
     for k, term in enumerate(terms):
-        here.setdefault(term.group.place, []).append(k)
-    crowded = [some for some in here.values() if len(some) > 1]
-    singles = ([k] for k in range(len(terms)))
-    found = model.left_out(terms, folds, [*singles, *crowded])
-    gains, together = found[: len(terms)], found[len(terms) :]
+        if term.group.family not in CLOCKS:
+            laws.setdefault(term.group.place, []).append(k)
+    every = range(len(terms))
+    crowds = [laws.get(t.group.place, []) for t in terms]
+    singles = [[k] for k in every]
+    joint = [{k, *crowd} for k, crowd in zip(every, crowds, strict=True)]
+    gains, together = model.left_out(terms, folds, [*singles, *joint]).reshape(2, -1)
     needed = np.full(len(terms), RULES.keep)
-    for some, gain in zip(crowded, together.tolist(), strict=True):
-        likeliest = max(some, key=lambda k: terms[k].odds)
-        least = max(RULES.keep, RULES.law_error * gain)
-        for k in some:
-            small = k != likeliest and gains[k] < least
-            if small and not _is_apart(model, terms, k, likeliest):
-                needed[k] = least
+    for k, crowd in zip(every, crowds, strict=True):
+        likeliest = max(crowd, default=k, key=lambda k: terms[k].odds)
+        least = max(RULES.keep, RULES.law_error * together[k])
+        small = k != likeliest and gains[k] < least
+        if small and not _is_apart(model, terms, k, likeliest):
+            needed[k] = least
     return gains, needed
 
 
 def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
-    """Return whether a scale of torque explains more than errors of the likeliest law there.
+    """Return whether a term explains more than errors of the likeliest law there.
 
     The error of a law is a smooth function of the same coordinates. It is in the model as the
-    function of this joint that replaces the law best. Other effects are as small on real robots
-    because laws are wrong there, and then harm unseen motion.
+    function of this joint that replaces the law best. A scale of the torque must gain beside it,
+    and an error of clocks must be as large as in other joints. Other effects are as small on real
+    robots because laws are wrong there, and then harm unseen motion.
     """
     term = terms[k]
+    if term.group.family in CLOCKS:
+        return _has_one_clock(model, terms, k)
     if term.group.family != TorqueScale.name:
         return False
     instead = model.gains(without(terms, likeliest))
@@ -424,6 +431,28 @@ def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
         return False
     (again,) = model.gains((*without(terms, k), functions[0]), [term.group])
     return again.odds >= RULES.name + RULES.keep
+
+
+def _has_one_clock(model: MixedModel, terms: Terms, k: int) -> bool:
+    """Return whether an error of clocks is as large as in other joints: a log has one clock.
+
+    It may differ from their weighted mean by its standard error, and by the error of a law.
+    """
+    family = terms[k].group.family
+    columns = [t.columns[0] for t in terms if t.group.family == family]
+    solution = model.solve(terms)
+    at = np.isin(solution.columns, columns)
+    unit = model.scale[solution.columns[at]]
+    sizes = solution.value[at] / unit
+    variances = np.square(solution.root[:, at] / unit).sum(0)
+    own = solution.columns[at] == terms[k].columns[0]
+    if own.all():
+        return False
+    precision = 1.0 / variances[~own]
+    mean = np.average(sizes[~own], weights=precision)
+    variance = variances[own][0] + 1.0 / precision.sum() + (RULES.law_error * mean) ** 2
+    # Half a squared deviation is a difference in nats.
+    return bool(0.5 * (sizes[own][0] - mean) ** 2 < RULES.keep * variance)
 
 
 def _may_rival(one: Group, other: Group) -> bool:

@@ -51,10 +51,14 @@ def test_effects_of_two_joints_are_no_function_of_all_joints_and_the_surer_is_fi
     assert named(d) == [("gravity_spring", ("elbow",)), ("torque_offset", ("shoulder",))]
 
 
-def test_both_verbs_name_a_scale_beside_stronger_friction(diagnosis_of, named, logs_of):
-    """A scale gains a tenth of what the friction gains, and is no error of its law."""
-    hidden = "scara", "load_dependent_friction@shoulder+elbow=0.1", "torque_scale@elbow=0.1"
+def test_both_verbs_name_a_scale_and_one_clock_beside_stronger_friction(
+    diagnosis_of, named, logs_of
+):
+    """Both gain a tenth of what the friction gains, and are no error of its law."""
+    friction = "load_dependent_friction@shoulder+elbow=0.1"
+    hidden = "scara", friction, "torque_scale@elbow=0.1", "clock_error=0.02"
     names = dict(named(diagnosis_of(*hidden)))
+    assert names.pop("clock_error") == ("elbow", "shoulder", "spin")
     assert names == {"load_dependent_friction": ("elbow", "shoulder"), "torque_scale": ("elbow",)}
     found = analyze("scara", logs_of(*hidden), replicates=0)
     assert found.missing.functions == ("load-dependent friction in shoulder and elbow",)
@@ -162,6 +166,7 @@ def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tm
     assert named(d) == [("stribeck_friction", ("shoulder",))]
     assert d.held_after < 0.5 * d.held_before
     (function,) = d.to_dict()["possible"]
+    assert "is not used: it gains 460 nats on left-out parts" in d.unexplained
     assert (function["name"], function["place"]) == ("function_of_velocity", "shoulder")
     page = d.write_report(tmp_path / "d.html").read_text()
     assert "Effects that may also be present" in page

@@ -13,6 +13,7 @@ import pandas as pd
 from scipy.special import expit, logit
 
 from identifiability.effects import find_family, title_of
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
@@ -191,11 +192,9 @@ class DiagnosisPresenter(PredictingPresenter):
             most = max(asked, key=lambda x: x.after)
             name = name_place(most.name, most.place)
             sure = state_probability(most.after)
-            likely = most.after > 0
-            part = "likeliest" if likely else "unexplained"
-            if likely and (most.name, most.place) in [(x.name, x.place) for x in result.refuted]:
-                part = "refuted"
+            part, weak = _choose_reason(result, most)
             holes = {"verified": result.verified_on, "motion": advise_motion([most.name])}
+            holes |= {"gain": weak.unseen, "needed": weak.needed}
             parts.append(sentence(about, part, name=name, probability=sure, **holes))
         parts.append(sentence(about, "looks", looks=_state_looks(result)))
         return " ".join(parts)
@@ -239,6 +238,22 @@ class DiagnosisPresenter(PredictingPresenter):
             "rms_after": rms[:, -1],
         }
         return pd.DataFrame(columns)
+
+
+def _choose_reason(d: Diagnosis, most: Odds) -> tuple[str, Odds]:
+    """Return why the likeliest further effect has no name, and its odds on other rows."""
+    if most.after <= 0:
+        return "unexplained", most
+    same = (most.name, most.place)
+    refused = {(x.name, x.place): x for x in d.possible}.get(same, most)
+    if same in {(x.name, x.place) for x in d.refuted}:
+        return "refuted", most
+    if most.after < RULES.name:
+        return "likeliest", most
+    if refused.unseen < refused.needed:
+        return "weak", refused
+    harmful = refused is not most and np.isnan(refused.needed)
+    return "harmful" if harmful else "unconfirmed", refused
 
 
 # Joints that bend.

@@ -32,6 +32,7 @@ from identifiability.estimation.rules import RULES
 from identifiability.estimation.search import (
     Judged,
     Search,
+    Weak,
     find_candidates,
     find_rivals,
     further_gains,
@@ -118,8 +119,9 @@ class Naming:
         Log odds of all groups, given the model, and given the named effects as well.
     refuted : tuple of (Term, float)
         Effects that fitted rows named and unseen rows refuted, with their gains there [nat].
-    possible : tuple of (Term, float)
-        Possible effects that are not named, with their gains on left-out blocks [nat].
+    possible : tuple of (Term, float, float)
+        Possible effects that are not named, with their gains on left-out blocks, and the gains that
+        they need [nat]; nan of those without which unseen motion errs less.
     parts : tuple of Part
         The missing effects: families in the order of their discovery, each in the order of the
         robot's places.
@@ -134,7 +136,7 @@ class Naming:
     before: Terms
     after: Terms
     refuted: tuple[tuple[Term, float], ...] = ()
-    possible: tuple[tuple[Term, float], ...] = ()
+    possible: Weak = ()
     parts: tuple[Part, ...] = ()
 
     @cached_property
@@ -296,13 +298,15 @@ class Naming:
     def best(self) -> Recommended:
         """The model with all parts to predict with, and its values, as `analyze` selects it.
 
-        The models of the ladder are compared on parts of the fitted logs.
+        The models of the ladder that keep all parts are compared on parts of the fitted logs.
         """
         completed, problem = self.completed, self.problem
         if problem.recommended is None:
             return Recommended.of_base(completed, self.fit(range(len(self.parts))))
         information, fit, *_ = self.weighed
         models = compare_models(problem.ladder, completed)
+        named = {*self.names(self.parts)} & {*models[0].columns}
+        models = tuple(m for m in models if named <= {*m.columns})
         fits, *_ = fit_ladder(completed, models, information, fit.estimator)
         chosen = select_fit(fits)
         submodel, robot = chosen.model.submodel, chosen.robot
@@ -329,7 +333,7 @@ def without_parts(naming: Naming, gone: Collection[int]) -> Naming:
     first = [p for k, p in enumerate(naming.parts) if k not in gone]
     last = [naming.parts[k] for k in sorted(gone)]
     placed = [(p, replace(p.term.group, place=p.candidate.place)) for p in last]
-    more = [(replace(p.term, group=group), p.left_out) for p, group in placed]
+    more = [(replace(p.term, group=group), p.left_out, np.nan) for p, group in placed]
     terms = tuple(dict.fromkeys(p.term for p in first))
     after = further_gains(naming.search, naming.search.model.update_terms(terms))
     possible = (*naming.possible, *more)

@@ -222,6 +222,8 @@ class Odds:
         Given the model, and given the named effects as well; nan for named effects.
     unseen : float [nat]
         Gain on unseen motion; nan where it was not asked.
+    needed : float [nat]
+        Gain on left-out blocks that names a possible effect; nan where another reason decides.
     """
 
     name: str
@@ -229,6 +231,7 @@ class Odds:
     before: float
     after: float = float("nan")
     unseen: float = float("nan")
+    needed: float = float("nan")
 
 
 @frozen(kw_only=True)

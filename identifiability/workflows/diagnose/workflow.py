@@ -21,10 +21,9 @@ from identifiability.effects.measurement import CommandDelay
 from identifiability.effects.registry import is_loaded
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
-from identifiability.estimation.mixed_model import EVERYWHERE
+from identifiability.estimation.mixed_model import EVERYWHERE, Term
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES
-from identifiability.estimation.search import Gains
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import phrase
@@ -835,8 +834,8 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         problem=problem,
         effects=_list_effects(naming, placed, found.gap, rng),
         curves=curves,
-        refuted=_list_odds(naming.refuted),
-        possible=_list_odds(naming.possible),
+        refuted=tuple(_odds_of(*x) for x in naming.refuted),
+        possible=tuple(_odds_of(*x) for x in naming.possible),
         interval=change_of(found.gap, 0, -1, rng),
         discrepancies=discrepancies,
         refusals=naming.refusals,
@@ -885,9 +884,9 @@ def _list_effects(
     return tuple(effects)
 
 
-def _list_odds(found: Gains) -> tuple[Odds, ...]:
-    """Return terms with their gains on rows to which they were not fitted."""
-    return tuple(Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in found)
+def _odds_of(term: Term, unseen: float, needed: float = np.nan) -> Odds:
+    """Return the odds of a term with its gain on rows to which it was not fitted."""
+    return Odds(term.group.family, place_of(term), term.odds, unseen=unseen, needed=needed)
 
 
 def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
