@@ -134,6 +134,7 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
     values = {n: x * robot.nominal[n] if n != "link2.mz" else x for n, x in wrong.items()}
     vendor = save_robot(robot, values, tmp_path / "fitted.xml")
     found = analyze(vendor, log, "none", replicates=0)
+    assert "robot file: link2.mx" in found.warnings[0]
     frame = found.file_frame().set_index("name")
     assert set(frame.index[:2]) == {"elbow.Fv", "link2.mx"}
     assert "shoulder.Fc" not in frame.index  # zero states nothing

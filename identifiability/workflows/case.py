@@ -24,11 +24,11 @@ import numpy as np
 
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.effects.friction import PassiveJointFriction
-from identifiability.effects.measurement import TorqueScale
+from identifiability.effects.measurement import ClockError, TimeDelay, TorqueScale
 from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import MissingEffects, Share, describe_term
+from identifiability.estimation.groups import MissingEffects, Share, describe_term, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.motion import MotionChoice, choose_motion, read_records
 from identifiability.estimation.search import find_missing
@@ -1012,14 +1012,21 @@ def state_gains(shares: Sequence[Share], robot: Robot) -> dict[str, float]:
 
 
 def _describe_misread(shares: Sequence[Share], robot: Robot) -> Finding:
-    """Return a doubt about columns, with the gains that correct a wrong scale of their torque."""
+    """Return a doubt about columns, with what corrects their clocks and scales."""
+    ways = {ClockError.name: "later", TimeDelay.name: "earlier"}
+    clocks = [s for s in shares if s.term.group.family in ways]
     scales = [s for s in shares if s.term.group.family == TorqueScale.name]
     gains = state_gains(scales, robot)
-    what = [describe_term(s.term) for s in shares]
-    part = "scaled" if gains else "has"
-    return Finding(
-        "alternative", text=phrase("alternative", part, what=what, gains=for_toml(gains))
-    )
+    parts = [phrase("alternative", "has", what=[describe_term(s.term) for s in shares])]
+    if len(clocks) < len(shares):
+        part = "scaled" if gains else "columns"
+        parts.append(phrase("alternative", part, gains=for_toml(gains)))
+    for s in clocks:
+        precision = 1.0 / np.square(s.root).sum(0)
+        seconds = float(np.average(s.value, weights=precision))
+        holes = {"place": place_of(s.term), "time": 1000 * seconds}
+        parts.append(phrase("alternative", ways[s.term.group.family], **holes))
+    return Finding("alternative", text=f"{'. '.join(parts)}.")
 
 
 def complete_model(data: Data, shares: Sequence[Share]) -> Data:

@@ -26,8 +26,9 @@ from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.rounding import REACH, format_number, join, stated_text
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Dataset
+from identifiability.physical.pseudo_inertia import entry_scale, natural_scale
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.structure import BaseParameters
+from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot.robot import Robot, last_bodies
 from identifiability.workflows.predict import Fit
 from identifiability.workflows.wrong_bodies import WrongBodies, find_wrong_bodies
@@ -495,11 +496,11 @@ def _head_check(checks: Sequence[str]) -> str:
 def state_contradicted(
     fit: Fit, submodel: Submodel, values: Array, stated: Array, sigma: Array
 ) -> list[Finding]:
-    """Return the bodies of the robot file that the logs contradict, the surest first.
+    """Return the bodies of the robot file that the logs contradict, the surest and largest first.
 
     If no body stands out, combinations of masses, moments and inertias are stated: files rarely
-    state rotors and friction. A difference within the error of an identifiable parameter is left
-    out.
+    state rotors and friction. Differences within the error of an identifiable parameter alone are
+    no doubt.
 
     Parameters
     ----------
@@ -520,21 +521,15 @@ def state_contradicted(
         sigmas = np.nan_to_num(off / sigma, posinf=0.0)
     # From percent.
     matters = off > Thresholds().sigma_percent / 100 * size
-    far = _of_bodies(base, submodel) & matters & (sigmas > RULES.contradicted)
+    far = _of_bodies(base, submodel) & (sigmas > RULES.contradicted)
     each = [_state_wrong_bodies(wrong)] if wrong.hypotheses else []
-    for k in np.argsort(-sigmas).tolist():
-        if far[k]:
-            told = (stated_text(float(x[k]), float(sigma[k])) for x in (stated, values))
-            file, logs = told
-            unit = submodel.units[k]
-            times = f"{sigmas[k]:.0f} σ"
-            name = submodel.columns[k]
-            rows = [row for row in range(len(base)) if submodel.M[row, k]]
-            terms = dict.fromkeys(p.name for row in rows for _, p in base.terms(row))
-            members = [term for term in terms if term != name]
-            if members:
-                name += f" (combined with {listing(members, 3)})"
-            each.append(f"{name} = {file} {unit} in the file, {logs} by the logs ({times})")
+    if (far & matters).any():
+        # A value that the file states as zero is small beside its body.
+        share = off / np.maximum(size, _list_typical(fit.structure, submodel))
+        for k in np.argsort(-sigmas * share).tolist():
+            if far[k]:
+                both = [stated_text(float(x[k]), float(sigma[k])) for x in (stated, values)]
+                each.append(f"{_state_both(submodel, base, k, both)} ({sigmas[k]:.0f} σ)")
     if not each:
         return []
     advice = "Correct"
@@ -545,6 +540,27 @@ def state_contradicted(
     look = phrase("contradicted", "at" if springs else "anywhere", joints=springs)
     commanded = bool(fit.servo)
     return [Finding("contradicted", values=each, advice=advice, look=look, commanded=commanded)]
+
+
+def _state_both(submodel: Submodel, base: BaseParameters, k: int, both: Sequence[str]) -> str:
+    """Return a parameter in words, with its values by the file and by the logs."""
+    file, logs = both
+    name = submodel.columns[k]
+    rows = [row for row in range(len(base)) if submodel.M[row, k]]
+    terms = dict.fromkeys(p.name for row in rows for _, p in base.terms(row))
+    members = [term for term in terms if term != name]
+    if members:
+        name += f" (combined with {listing(members, 3)})"
+    return f"{name} = {file} {submodel.units[k]} in the file, {logs} by the logs"
+
+
+def _list_typical(structure: Structure, submodel: Submodel) -> Array:
+    """Return the size that each value of a body may have: m, m·r or m·r², else zero, (k,)."""
+    at = structure.inertial
+    sizes = np.zeros(len(structure.columns))
+    sizes[at] = entry_scale(*natural_scale(structure.nominal[at]))
+    of_names = dict(zip(structure.columns, sizes.tolist(), strict=True))
+    return np.array([of_names.get(name, 0.0) for name in submodel.columns])
 
 
 def _state_wrong_bodies(wrong: WrongBodies) -> str:
