@@ -210,6 +210,9 @@ QUANTITIES = {
     **dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg·m²"),
 }
 
+#: The mass if the masses of the robot file are right, and torque constants are not.
+BY_FILE = "mass by the file"
+
 #: Quantities that are never negative: mass and moments about axes.
 POSITIVE = np.isin(np.arange(len(QUANTITIES)), (0, 4, 5, 6))
 
@@ -450,11 +453,12 @@ class Load(Result):
     parameters : (10,)
         Of the nearest physically consistent body, in the order of `GROUPED_KINDS`, about the origin
         of the frame.
-    quantities : tuple of Quantity
-        Mass, centre, and moments of inertia about it. The intervals contain the doubt about the
-        torque constants.
     as_measured : tuple of Quantity
-        The same if the torque columns are right as they are read.
+        Mass, centre, and moments of inertia about it, if the torque columns are right as they are
+        read.
+    by_file : tuple of Quantity
+        The same by the masses of the robot file. The intervals contain the doubt about the torque
+        constants.
     scale : TorqueScale
         By which factor torque is read too large.
     gains : tuple of Quantity
@@ -476,13 +480,26 @@ class Load(Result):
     estimate: LoadEstimate
     motion: Motion
     parameters: Array
-    quantities: tuple[Quantity, ...]
     as_measured: tuple[Quantity, ...]
+    by_file: tuple[Quantity, ...]
     scale: TorqueScale
     gains: tuple[Quantity, ...] = ()
     known: float | None = None
     hints: tuple[str, ...] = ()
     fit: Fit | None = None
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Mass, centre and moments; by torque as it was read where the file contradicts it."""
+        return self.as_measured if self.scale.contradicts else self.by_file
+
+    @property
+    def stated(self) -> tuple[Quantity, ...]:
+        """The same, with both masses where the robot file contradicts the torque constants."""
+        mass, *others = self.quantities
+        if not self.scale.contradicts:
+            return (mass, *others)
+        return (mass, replace(self.by_file[0], name=BY_FILE), *others)
 
     @property
     def mass(self) -> Quantity:
@@ -511,7 +528,11 @@ class Load(Result):
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the quantities of the load, and the gain of each joint by the joint's name."""
-        for quantity in (*self.quantities, *self.gains):
+        conditions = {}
+        if self.scale.contradicts:
+            for name, part in zip(("mass", BY_FILE), ("constants", "file"), strict=True):
+                conditions[name] = phrase("untold", part)
+        for quantity in (*self.stated, *self.gains):
             yield Row(
                 name=quantity.name,
                 estimate=quantity.value,
@@ -519,7 +540,7 @@ class Load(Result):
                 interval=(quantity.low, quantity.high),
                 unit=quantity.unit,
                 verdict="identifiable" if quantity.told else "not identifiable",
-                reason=quantity.why,
+                reason=quantity.why or conditions.get(quantity.name, ""),
                 details={},
             )
 
@@ -528,6 +549,7 @@ class Load(Result):
         own = ["model", "body", "statement", "logs", "without", "caveats"]
         quantities = [{**asdict(q), "told": q.told} for q in self.quantities]
         as_measured = [{**asdict(q), "told": q.told} for q in self.as_measured]
+        by_file = {**asdict(self.by_file[0]), "told": self.by_file[0].told}
         estimate = dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True))
         gains = [{**asdict(g), "told": g.told} for g in self.gains]
         parameters = dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True))
@@ -536,8 +558,8 @@ class Load(Result):
             "schema": self.schema,
             "robot": self.robot.identity,
             **{name: getattr(self, name) for name in own},
-            "mass": as_measured[0] if self.scale.contradicts else quantities[0],
-            "mass_by_file": quantities[0] if self.scale.contradicts else None,
+            "mass": quantities[0],
+            "mass_by_file": by_file if self.scale.contradicts else None,
             "quantities": quantities,
             "as_measured": as_measured,
             "torque_scale": asdict(self.scale),
@@ -640,16 +662,17 @@ def _state_load(
     bodies = draw_bodies(structure)[0][structure.inertial]
     length = float(np.median(natural_scale(bodies)[1]))
     turns = can_turn(structure, place)
-    quantities = state_quantities(estimate, nearest / scale.factor, length, scale, turns=turns)
+    likely = nearest / scale.factor
+    by_file = state_quantities(estimate, likely, length, scale, turns=turns)
     as_measured = state_quantities(estimate, nearest, length, UNSCALED, turns=turns)
     return {
         "logs": loaded,
         "without": unloaded,
         "motion": sides.samples[0].motion,
         "estimate": estimate,
-        "parameters": nearest / scale.factor,
-        "quantities": quantities,
+        "parameters": nearest if scale.contradicts else likely,
         "as_measured": as_measured,
+        "by_file": by_file,
         "scale": scale,
     }
 

@@ -22,8 +22,6 @@ def seldom(*case):
 @pytest.mark.parametrize(
     ("robot", "hidden", "joints"),
     [
-        seldom("3-rps", "stribeck_friction@slider1+slider3=0.02", ("slider1", "slider3")),
-        seldom("3-rps", "joint_stiffness@slider2=0.03", ("slider2",)),
         ("five-bar", "position_ripple@right_shoulder=0.02", ("right_shoulder",)),
         ("two-link", "load_dependent_friction@elbow=0.03", ("elbow",)),
     ],

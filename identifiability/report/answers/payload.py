@@ -86,22 +86,23 @@ class LoadPresenter(AnsweringPresenter):
         result = self.result
         part = "quantities" if result.known is None else "gains"
         digits = 3 if result.known is None else 4
-        shown = result.quantities if result.known is None else result.gains
+        shown = result.stated if result.known is None else result.gains
         rows = []
         for q in shown:
             times, unit = _shown_unit(q)
             value = measured(times * q.value, times * q.sigma, unit) if q.told else NONE
-            word = result[q.name].verdict
+            row = result[q.name]
+            word = row.verdict
             ends = _bound_cell(q.high, unit)
             if not _is_bounded(q):
                 ends = span_cell(times * q.low, times * q.high, unit, digits)
-            rows.append((q.name, value, ends, Cell(word, word, q.why, word)))
+            rows.append((q.name, value, ends, Cell(word, word, row.reason, word)))
         return (make_table("load", rows, caption=sentence("payload.tables", part)),)
 
     def frame(self) -> pd.DataFrame:
         """Return one row a quantity; of a load that is known one row a joint: its gain."""
         result = self.result
-        shown = result.quantities if result.known is None else result.gains
+        shown = result.stated if result.known is None else result.gains
         return by_name(pd.DataFrame([{**asdict(q), "told": q.told} for q in shown]))
 
 
@@ -142,9 +143,9 @@ def _state_load(result: Load) -> str:
         return sentence(about, "unknown", body=body)
     if not mass.told:
         return sentence(about, "nothing", body=body, most=mass.high)
-    raw = result.as_measured[0]
-    holes = {"mass": measured(mass.value, mass.sigma, "kg"), "body": body}
-    holes["raw"] = measured(raw.value, raw.sigma, "kg")
+    raw, by_file = result.as_measured[0], result.by_file[0]
+    each = [measured(m.value, m.sigma, "kg") for m in (by_file, raw)]
+    holes = dict(zip(("mass", "raw"), each, strict=True), body=body)
     if result.scale.contradicts:
         return sentence(about, "either", **holes)
     apart = abs(mass.value - raw.value) > raw.sigma
