@@ -194,9 +194,10 @@ def percent_text(value: float | None) -> str:
 
 
 def format_count(count: int, noun: str) -> str:
-    """Return ``1 sample``, ``2 samples``."""
+    """Return ``1 sample``, ``2250 samples``; five digits or more in groups of three."""
     counted = noun if count == 1 else f"{noun}s"
-    return f"{count:,} {counted}".replace(",", "\u202f")
+    digits = f"{count:,}".replace(",", "\u202f" if count > 9999 else "")
+    return f"{digits} {counted}"
 
 
 def join(names: list[str] | Strings, most: int = 6) -> str:

@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import for_svg
+from identifiability.foundation.rounding import NONE
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import WORLD, Joint, Point, shortest_turn
 
@@ -20,7 +21,7 @@ from .answers.common import sentence
 from .blocks import Moving, Shape, Trace
 from .figures import POINTS
 
-#: Size of the drawing and the margin around it [px].
+#: Largest size of the drawing, and the margin around it [px].
 WIDTH, HEIGHT, MARGIN = 400, 280, 30
 
 #: Direction that one looks along: azimuth and height [rad].
@@ -213,7 +214,7 @@ def move_skeletons(
     seen = traced[0].reshape(-1, 3)
     if not np.nanmax(np.ptp(seen, axis=0)) > 0:
         return None
-    place, scale = _look(seen, robot)
+    place, scale, size = _look(seen, robot)
     names = tuple((name, tone) for name, (tone, _) in motions.items())
     points = tuple(place(x.reshape(-1, 3)).reshape(x.shape) for x in traced)
     return Moving(
@@ -225,7 +226,7 @@ def move_skeletons(
         ground=_ground(seen, robot, place),
         joints=len(robot.tree.joints) + (load is not None),
         told=tuple(map(tuple, told(rows))),
-        size=(WIDTH, HEIGHT),
+        size=size,
         caption=caption,
     )
 
@@ -296,10 +297,10 @@ def move_with_torque(
     k = robot.joints.index(name)
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     how = how or ("loaded" if residual is None else "missed")
-    word = "changes by" if how in ("changed", "hangs") else "misses"
+    word = "" if how in ("changed", "hangs") else "misses "
     sizes = np.abs(torque if residual is None else residual)[:, k]
     unit = robot.torque_units[k]
-    missed = [f"{name} {word} {x:.2g} {unit}" if np.isfinite(x) else name for x in sizes]
+    missed = [f"{word}{x:.2g}\N{NO-BREAK SPACE}{unit}" if np.isfinite(x) else NONE for x in sizes]
     own = {what: y[:end, k] for what, y in lines.items()}
     caption = sentence("moving", how, log=log, joint=name)
     if any(np.isnan(y).any() for y in own.values()):
@@ -352,10 +353,11 @@ def _ground(points: Array, robot: Robot, place: Callable[[Array], Array]) -> tup
     return tuple(place(corners)[:, :2].reshape(ends.shape))
 
 
-def _look(points: Array, robot: Robot) -> tuple[Callable[[Array], Array], float]:
-    """Return the projection of points (N, 3), scaled to `points`, and its scale [px/m].
+def _look(points: Array, robot: Robot) -> tuple[Callable[[Array], Array], float, tuple[int, int]]:
+    """Return the projection of points (N, 3), scaled to `points`, its scale [px/m] and size [px].
 
-    The projection returns places on the paper and the depth behind it, (N, 3) [px].
+    The projection returns places on the paper and the depth behind it, (N, 3) [px]. The paper is as
+    narrow and as low as the motion, so that the robot fills a card of any shape.
     """
     east, north, vertical = _directions(robot)
     ahead = np.cos(TURN)
@@ -368,7 +370,8 @@ def _look(points: Array, robot: Robot) -> tuple[Callable[[Array], Array], float]
     low = np.nanmin(shown, axis=0)
     high = np.nanmax(shown, axis=0)
     least = 1e-9 + 0.02 * float(np.max(high - low))
-    size = np.array([WIDTH, HEIGHT], float)
-    scale = float(np.min((size - 2 * MARGIN) / np.maximum(high - low, least)))
-    shift = np.append(size / 2 - scale * (low + high) / 2, 0.0)
-    return (lambda x: scale * (x @ paper) + shift), scale
+    most = np.array([WIDTH, HEIGHT], float) - 2 * MARGIN
+    scale = float(np.min(most / np.maximum(high - low, least)))
+    shift = np.append(MARGIN - scale * low, 0.0)
+    width, height = np.ceil(scale * (high - low) + 2 * MARGIN).astype(int).tolist()
+    return (lambda x: scale * (x @ paper) + shift), scale, (width, height)

@@ -16,7 +16,8 @@ function drawMoving(figure) {
   const known = data.robots[0].filter(Boolean);
   figure.querySelector(".trail").setAttribute("d", data.tips.map((k) =>
     `M${known.map((p) => place(p, k)).join("L")}`).join(""));
-  if (matchMedia("(max-width: 900px)").matches) {
+  const narrow = figure.nextElementSibling ? 600 : 900;  // beside a plot there is room for it
+  if (matchMedia(`(max-width: ${narrow}px)`).matches) {
     for (const more of figure.querySelectorAll("figcaption details")) more.open = false;
   }
   const draw = () => {
