@@ -484,7 +484,7 @@ def draw_curve(
     labels : (str, str)
         Of the axes.
     """
-    figure, (axes,) = canvas(WIDTH, 220, (60, 10, 50, 38))
+    figure, (axes,) = canvas(WIDTH, 210, (60, 10, 42, 36))
     rows = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int))
     points = np.stack([x, data], 1)[rows]
     # Strokes without length are a tenth of the size of markers.

@@ -33,7 +33,7 @@ from identifiability.robot.kinematics import Point
 
 from .answers.common import NAMED, capital, hint_note, sentence, words
 from .answers.compare import list_loaded
-from .answers.predict import find_worst, state_span
+from .answers.predict import find_worst, name_run
 from .answers.tables import make_table, unit_cell
 from .blocks import (
     SHOWN_FIRST,
@@ -117,7 +117,7 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
     every, k = shorten_paths((*result.before, *result.after)), len(result.before)
     before, after = (join(logs, 3) for logs in (every[:k], every[k:]))
     about = f"{result.robot.path.name} · {_name_model(result.submodel.name)}"
-    return "Comparison report", f"{about} · before: {before} · after: {after}"
+    return "Comparison report", f"{about} · before:\xa0{before} · after:\xa0{after}"
 
 
 def comparison_moving(result: Comparison) -> Moving | None:
@@ -468,12 +468,13 @@ def inspection_sections(result: Inspection) -> list[Section]:
     if not result.records:
         return own
     names = [record.name for record in result.records]
-    clock, motion = result.tables()
+    clock, motion, *each = result.tables()
+    single = [Fold(sentence("inspection.each"), (table,)) for table in each]
     first, *others = (_recorded(result, record) for record in result.records)
     folds = (Fold(f"Position and torque of {n}", x) for n, x in zip(names[1:], others, strict=True))
     preparations = map(_preparation, result.records)
     return [
-        section("inspection.motion", motion),
+        section("inspection.motion", motion, *single),
         section("inspection.traces", *first, *folds),
         section("inspection.clock", clock, *preparations),
         *own,
@@ -641,53 +642,69 @@ TONES = ("blue", "purple", "sky")
 def rollout_heading(result: PositionPrediction) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
     logs = format_count(len(result.logs), "log")
-    return "Predicted positions", f"{' · '.join(run.name for run in result.runs)} · {logs}"
+    names = [run.name for run in result.runs]
+    if result.origin:
+        each = [f"{name_run(result, k)}: {name}" for k, name in enumerate(names)]
+        names = [name.replace(" ", "\xa0") for name in each]
+    return "Predicted positions", " · ".join([*names, logs])
 
 
 def rollout_sections(result: PositionPrediction) -> list[Section | None]:
     """Return the sections of the page."""
-    span = state_span(result)
-    return [section("rollout.joints", result.tables()[0], span=span), _positions(result)]
+    return [section("rollout.joints", result.tables()[0]), _positions(result)]
 
 
 def rollout_moving(result: PositionPrediction) -> Moving | None:
     """Return the robots as they move along the first log, if they can be drawn."""
     log = result.logs[0]
     robot = result.robot
+    names = [name_run(result, k) for k in range(len(result.runs))]
     motions = {"recording": ("grey", log.q)}
-    motions |= {run.name: (TONES[k % 3], run.q[0]) for k, run in enumerate(result.runs)}
+    runs = enumerate(zip(names, result.runs, strict=True))
+    motions |= {name: (TONES[k % 3], run.q[0]) for k, (name, run) in runs}
+    start = result.runs[0].starts[0]
     errors = [
         1e3 * np.sqrt(np.mean((run.q[0] - log.q)[:, result.alike] ** 2, axis=1))
         for run in result.runs
     ]
 
     def told(rows: np.ndarray) -> list[list[str]]:
-        pairs = zip(result.runs, errors, strict=True)
-        return [
-            ["diverged" if np.isnan(x) else f"{run.name} {x:.3g} {result.unit}" for x in own[rows]]
-            for run, own in pairs
+        early = rows < start
+        first = np.where(early, sentence("rollout.motion", "uncounted"), "").tolist()
+        each = [
+            np.where(early, "", [_state_now(name, x, result.unit) for x in own[rows]]).tolist()
+            for name, own in zip(names, errors, strict=True)
         ]
+        return [first, *each]
 
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
     worst = find_worst(result)
     joint = log.joints[worst]
     driven = "commands" if has_commands(log) else "torque"
-    caption = sentence("rollout.motion", driven, log=log.name, joint=joint)
+    sizes = [
+        f"{1e3 * run.errors[worst]:.3g} {result.unit} rms ({name})"
+        for name, run in zip(names, result.runs, strict=True)
+    ]
+    caption = sentence("rollout.motion", driven, log=log.name, joint=joint, sizes=sizes)
     moving = move_skeletons(robot, log.t, poses, told, caption)
     if moving is None:
         return None
-    start = result.runs[0].starts[0]
     off = {name: 1e3 * (q - log.q)[start:, worst] for name, (_, q) in motions.items()}
     times = log.t[start:] - log.t[0]
     below = Trace.of(for_svg(joint), result.unit, times, off, POINTS, "position error")
     return replace(moving, torque=below)
 
 
+def _state_now(name: str, error: float, unit: str) -> str:
+    """Return the error of a robot at one time."""
+    return f"{name} {'diverged' if np.isnan(error) else f'{error:.3g} {unit}'}".replace(" ", "\xa0")
+
+
 def _positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
     log = result.logs[0]
     robot = result.robot
-    simulated = {run.name: run.q[0] for run in result.runs}
+    simulated = {name_run(result, k): run.q[0] for k, run in enumerate(result.runs)}
     lines = {"measured": log.q, **simulated}
     if log.q_ref is not None:
         lines["command"] = log.q_ref

@@ -205,8 +205,7 @@ def test_the_command_answers_first_and_writes_what_was_asked(succeeds, tmp_path)
     page = tmp_path / "c.html"
     data = tmp_path / "c.json"
     out = succeeds("compare", PLANAR, first, second, "--report", page, "--json", data)
-    said = "What changed between monday.csv and friday.csv? Friction of elbow rose by "
-    assert out.stdout.startswith(said)
+    assert out.stdout.startswith("What changed? Friction of elbow rose by ")
     content = json.loads(data.read_text())
     assert {c["what"] for c in content["changes"]} == {"friction of elbow"}
     assert "Friction of elbow rose by " in page.read_text("utf-8")

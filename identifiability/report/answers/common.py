@@ -328,7 +328,13 @@ class PredictingPresenter(AnsweringPresenter):
             uses = sentence("quality", "reserved", uses=uses)
         return capital(uses)
 
-    def _state_worst(self) -> tuple[str, str, str]:
+    def state_limit(self) -> str:
+        """Return the error up to which a model is usually enough for these tasks."""
+        *_, grade = self._state_worst()
+        limits = dict(zip(TONES, RULES.grades, strict=False))
+        return sentence("quality", "below", limit=limits[grade]) if grade in limits else ""
+
+    def _state_worst(self, part: str = "worst") -> tuple[str, str, str]:
         """Return the worst joint in words, whether its error is noise, and the grade of all."""
         error, each, sizes = self.errors()
         robot = self.result.robot
@@ -339,7 +345,7 @@ class PredictingPresenter(AnsweringPresenter):
         at = robot.joints.index(joint)
         size = f"{format_number(float(sizes[at]), 3, pad=True)} {robot.torque_units[at]}"
         uneven = errs_unevenly(error, own)
-        worst = sentence("quality", "uneven" if uneven else "worst", joint=joint, own=own, rms=size)
+        worst = sentence("quality", "uneven" if uneven else part, joint=joint, own=own, rms=size)
         if not uneven:
             return worst, "", grade
         noisy = is_noise(sizes, self.noise())[at]

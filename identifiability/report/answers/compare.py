@@ -11,7 +11,6 @@ import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Column, Table, frame_table
 from identifiability.foundation.errors import listing
-from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
@@ -74,10 +73,11 @@ class ComparisonPresenter(AnsweringPresenter):
     def asked(self) -> tuple[Answer, ...]:
         """Return what changed, and whether to trust it."""
         result = self.result
-        every, k = shorten_paths((*result.before, *result.after)), len(result.before)
-        question = sentence("comparison.how", "question", before=every[:k], after=every[k:])
+        question = sentence("comparison.how", "question")
         tone = "vermilion" if result.changes else "green"
-        text = join_sentences(*map(_state_evidence, result.changes))
+        only = len(result.changes) == 1
+        text = join_sentences(*(_state_evidence(x, only=only) for x in result.changes))
+        text = join_sentences(text, _state_seen(result))
         changed = Answer(question, result.answer, text, tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = replace(_answer_trust(result), more=why)
@@ -323,7 +323,7 @@ def _centre_rows(change: Change) -> Iterator[tuple[str, str, str, str]]:
     """Yield the name and the coordinates of the centre of a load that changed, as its change."""
     for axis, x, sd in zip("xyz", *change.centre, strict=True):
         at = measured(1e3 * x, 1e3 * sd, "mm")
-        yield f"{change.place} centre {axis}", "", "", at
+        yield f"{change.place} load centre {axis}", "", "", at
 
 
 def _state_torque(change: Change) -> str:
@@ -379,13 +379,35 @@ def _least(number: Unchanged) -> str:
     return f"{two(100 * number.relative)} % ({torque})"
 
 
-def _state_evidence(change: Change) -> str:
-    """Return the torque of a change at the joint that feels it most."""
+def _state_seen(result: Comparison) -> str:
+    """Return the least load and the least change of friction that would show at every place.
+
+    Numbers of which not even a loss would show are named.
+    """
+    about = "comparison.seen"
+    names = [x.what for x in result.unchanged if _is_hidden(x)]
+    each = []
+    for kind in ("load", "friction"):
+        seen = [x for x in result.unchanged if x.kind == kind and np.isfinite(x.least)]
+        own = [x for x in seen if not _is_hidden(x)]
+        if own:
+            least, share = (max(getattr(x, name) for x in own) for name in ("least", "relative"))
+            each.append(sentence(about, kind, least=least, share=share))
+    if not each:
+        return sentence(about, "blind", names=names) if names else ""
+    but = sentence(about, "but", names=names) if names else ""
+    return capital(sentence(about, "else" if result.changes else "shown", each=each, but=but))
+
+
+def _state_evidence(change: Change, *, only: bool) -> str:
+    """Return the torque of a change, which may be the only one, at the joint that feels it most."""
     felt = change.felt
     if not np.isfinite(felt.rms):
         return ""
     torque = measured(abs(felt.rms), felt.sd, felt.unit)
-    holes = {"what": change.what, "torque": torque, "joint": felt.joint}
+    what = sentence("comparison.seen", "only" if only else "every", what=change.what)
+    share = abs(felt.rms) / felt.before
+    holes = {"what": what, "torque": torque, "joint": felt.joint, "share": share}
     rivals = state_alternatives(change)
     sure = f" ({state_probability(change.odds)})" if rivals else ""
     return sentence("comparison.seen", "evidence", probability=sure, **holes)
@@ -394,12 +416,10 @@ def _state_evidence(change: Change) -> str:
 def _answer_trust(result: Comparison) -> Answer:
     """Return whether the changes may be trusted, with the effects that the model lacks."""
     about = "comparison.trust"
-    names = [x.what for x in result.unchanged if _is_hidden(x)]
-    hidden = sentence(about, "hidden", names=names) if names else ""
     if not result.lacks:
-        return answer(about, "logs", hidden, "amber")
-    text = join_sentences(sentence(about, "allowed"), hidden)
-    return answer(about, "lacks", text, "amber", lacks=_name_lacks(result))
+        return answer(about, "logs", "", "amber")
+    lacks = _name_lacks(result)
+    return answer(about, "lacks", sentence(about, "allowed", lacks=lacks), "amber", lacks=lacks)
 
 
 def _name_lacks(result: Comparison) -> list[str]:

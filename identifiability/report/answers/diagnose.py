@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -82,9 +83,9 @@ class DiagnosisPresenter(PredictingPresenter):
         # The answer above states the error: this one is headed by the uses, if no joint stands out.
         if result.moved is None and np.isfinite(self.errors()[0]) and "; " not in error.short:
             question = sentence("diagnosis.residual", "uses")
-            _, _, most = error.short.partition(". ")
+            left = join_sentences(self.state_limit(), self._state_worst("left")[0])
             more = sentence("laddered.measured", "about")
-            error = replace(error, question=question, short=self.state_uses(), text=most, more=more)
+            error = replace(error, question=question, short=self.state_uses(), text=left, more=more)
         error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending
@@ -123,7 +124,8 @@ class DiagnosisPresenter(PredictingPresenter):
         if d.included:
             line = with_model(partial("{} --ladder {} --report report.html".format, judge))
             names = [name_place(e.name, name_places(e)) for e in d.effects[: d.included]]
-            out.append(command("judge", line, names=names))
+            file = Path(d.written("model") or "").name
+            out.append(command("judge_written" if file else "judge", line, names=names, file=file))
         if undecided:
             out.append(command("separate", f"{again} --next motion.json"))
         if logs_disagree(d):
@@ -442,10 +444,10 @@ def _answer_gap(d: Diagnosis) -> Answer:
     every = len(d.completed.base)
     if len(reduction) < every:
         text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
-    text = join_sentences(text, _state_motion(d))
     tone = "green" if d.interval[1] < 0 else "amber"
     holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
-    return answer(about, "falls", text, tone, interval=interval, **holes)
+    told = answer(about, "falls", text, tone, interval=interval, **holes)
+    return replace(told, more=_state_motion(d))
 
 
 def _state_motion(d: Diagnosis) -> str:
@@ -518,21 +520,23 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
         for p in e.placements:
             added = unit_cell(p.peak, units.get(p.place, of_any))
             named = name if p.sure else sentence("diagnosis.missing", "unsure")
+            shape = _state_shape(d, e.name, p)
             for parameter, value, error, unit in p.rows:
                 far = np.isfinite(p.shape) and _is_far(value, error, p.peak)
                 limit = sentence("diagnosis.missing", "limit") if far else ""
-                size = Cell(measured(value, error, unit), value, note=limit)
+                note = "; ".join(filter(None, (shape, limit)))
+                size = Cell(measured(value, error, unit), value, note=note)
                 yield named, parameter, size, p.odds, p.unseen, added
-            if np.isfinite(p.shape_error):
-                yield named, *_name_shape(d, e.name, p), p.odds, p.unseen, added
 
 
-def _name_shape(d: Diagnosis, family: str, p: Placement) -> tuple[str, Cell]:
-    """Return the name and the value of the speed that shapes a curve of friction."""
+def _state_shape(d: Diagnosis, family: str, p: Placement) -> str:
+    """Return the speed that shapes a curve of friction, with its name, if it is known."""
+    if not np.isfinite(p.shape_error):
+        return ""
     sliding = [axis.name for axis in d.robot.axes if axis.prismatic]
     unit = "m/s" if p.place in sliding else "rad/s"
     symbol = getattr(find_family(family).effect, "symbol", "") or "shape"
-    return f"{p.place}.{symbol}", Cell(measured(p.shape, p.shape_error, unit), p.shape)
+    return f"{symbol} {measured(p.shape, p.shape_error, unit)}"
 
 
 class ForwardGapPresenter(Presenter):

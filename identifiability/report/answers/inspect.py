@@ -76,18 +76,9 @@ class InspectionPresenter(AnsweringPresenter):
         if not result.records:
             return (joint_table(result),)
         frame = self.frame()
-        order = frame["joint"].drop_duplicates().tolist()
-        rows = sorted(frame.to_dict("records"), key=lambda row: order.index(row["joint"]))
-        for row in rows:
-            row["position"] = span_cell(row["low"], row["high"])
-            row["torque"] = span_cell(row["torque_low"], row["torque_high"])
-        names = {(row["unit"], row["torque_unit"]) for row in rows}
-        units = ["{0}, {0}/s, {0}/s², {1}".format(*pair) for pair in names]
-        shown = units[0] if len(units) == 1 else "SI units"
-        motion = make_table("commanded" if "kp" in frame else "recorded", rows, units=shown)
-        if len(result.records) == 1:
-            motion = motion.without("log")
-        return make_table("clock", map(_clock_row, result.records)), motion
+        together = _motion_table(_join_logs(frame), _state_over(result)).without("log")
+        each = (_motion_table(frame),) if len(result.records) > 1 else ()
+        return make_table("clock", map(_clock_row, result.records)), together, *each
 
     def frame(self) -> pd.DataFrame:
         """Return one row a joint; with logs, one row a joint of each log."""
@@ -103,12 +94,43 @@ class InspectionPresenter(AnsweringPresenter):
         return by_name(self.result.base.to_frame())
 
 
+def _state_over(result: Inspection) -> str:
+    """Return that numbers are those of all logs together, where there are several."""
+    return sentence("inspection.least", "over") if len(result.records) > 1 else ""
+
+
+def _join_logs(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a joint: its range over all logs, and its largest other numbers."""
+    lowest = dict.fromkeys(("low", "torque_low"), "min")
+    how = {name: lowest.get(name, "max") for name in frame if name != "joint"}
+    joints = frame.groupby("joint", sort=False).agg(how)
+    return joints.assign(room=_find_rooms(frame)).reset_index()
+
+
+def _motion_table(frame: pd.DataFrame, over: str = "") -> Table:
+    """Return the motion of joints, one row a joint or a joint of a log, as a table."""
+    rows = frame.to_dict("records")
+    for row in rows:
+        row["position"] = span_cell(row["low"], row["high"])
+        row["torque"] = span_cell(row["torque_low"], row["torque_high"])
+    names = {(row["unit"], row["torque_unit"]) for row in rows}
+    units = ["{0}, {0}/s, {0}/s², {1}".format(*pair) for pair in names]
+    shown = units[0] if len(units) == 1 else "SI units"
+    kind = "commanded" if "kp" in frame else "recorded"
+    return make_table(kind, rows, units=shown, over=over)
+
+
 def _answer_usable(result: Inspection) -> Answer:
     """Return whether the logs can be used."""
     about = "inspection.usable"
     odd = [hint for hint in result.hints if hint_note(hint).level == "warning"]
     if not odd:
-        return answer(about, "yes", sentence("inspection.sound"))
+        dropped = [x.subject for x in result.findings if "left out" in x.done and x.subject]
+        logs = list(dict.fromkeys(dropped))
+        left = sentence("inspection.sound", "left", logs=logs) if logs else ""
+        text = sentence("inspection.sound", left=left)
+        count = len(result.records)
+        return answer(about, "yes" if count > 1 else "one", text, count=count)
     part = "warned" if result.warnings else "odd"
     return answer(about, part, count=odd, first=odd[0])
 
@@ -130,7 +152,7 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
     )
     if joints.room.notna().any():
         about = "inspection.least"
-        rooms = _rooms(joints)
+        rooms = _find_rooms(joints)
         joint = str(rooms.idxmin())
         room = float(rooms.min())
         still = [j for hint in of_key(result.hints, "still") for j in hint.numbers["joints"]]
@@ -139,10 +161,11 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
         if room < math.radians(1.0):
             moving = "little"
         part = "no" if still else moving
-        yield answer(about, part, still=still, joint=joint, room=room)
+        over = _state_over(result)
+        yield answer(about, part, still=still, joint=joint, room=room, over=over)
 
 
-def _rooms(joints: pd.DataFrame) -> pd.Series[float]:
+def _find_rooms(joints: pd.DataFrame) -> pd.Series[float]:
     """Return the share of its limits that each joint moves through, over all logs together."""
     limits = (joints.high - joints.low) / joints.room.where(joints.room > 0)
     each = joints.assign(limits=limits).groupby("joint", sort=False)

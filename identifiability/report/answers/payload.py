@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, replace
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +23,6 @@ from .common import (
     Command,
     answer,
     command,
-    find_command,
     first_sentence,
     join_sentences,
     sentence,
@@ -54,9 +55,8 @@ class LoadPresenter(AnsweringPresenter):
         out = []
         if fit and (lines := diagnose_lines(fit)):
             again = f"payload {self.robot} refitted.json {logs} {body}{held}"
-            find, refit = lines
-            refit += f" && identifiability {again}"
-            out = [find_command(fit.missing, find), command("weigh_again", refit)]
+            line = " && identifiability ".join((*lines, again))
+            out = [command("weigh_again", line, names=fit.missing, count=fit.missing)]
         if not (result.without or result.gains):
             weigh = f"payload {self.robot} {fitted} {logs} {body} --without empty.csv"
             out.insert(0, command("weigh", weigh))
@@ -92,11 +92,11 @@ class LoadPresenter(AnsweringPresenter):
             times, unit = _shown_unit(q)
             value = measured(times * q.value, times * q.sigma, unit) if q.told else NONE
             row = result[q.name]
-            word = row.verdict
-            ends = _bound_cell(q.high, unit)
-            if not _is_bounded(q):
-                ends = span_cell(times * q.low, times * q.high, unit, digits)
-            rows.append((q.name, value, ends, Cell(word, word, row.reason, word)))
+            word = said = row.verdict
+            ends = span_cell(times * q.low, times * q.high, unit, digits)
+            if _is_bounded(q):
+                ends, said = _bound_cell(q.high, unit), sentence("payload.known", "limit")
+            rows.append((q.name, value, ends, Cell(said, word, row.reason, word)))
         return (make_table("load", rows, caption=sentence("payload.tables", part)),)
 
     def frame(self) -> pd.DataFrame:
@@ -116,9 +116,13 @@ def _is_bounded(q: Quantity) -> bool:
     return bool(not q.told and q.low == 0 and np.isfinite(q.high))
 
 
-def _state_bound(q: Quantity) -> str:
-    """Return the name of a quantity, with its upper limit."""
-    return sentence("payload.known", "bound", name=q.name, high=q.high, unit=q.unit)
+def _state_bounds(quantities: Sequence[Quantity]) -> str:
+    """Return the names of quantities with their upper limits; a unit stands after its last one."""
+    texts = []
+    for q, after in zip_longest(quantities, quantities[1:]):
+        unit = "" if after and after.unit == q.unit else f" {q.unit}"
+        texts.append(sentence("payload.known", "bound", name=q.name, high=q.high, unit=unit))
+    return ", ".join(texts)
 
 
 def _bound_cell(high: float, unit: str) -> Cell:
@@ -163,27 +167,32 @@ def _state_gains(result: Load) -> str:
 
 def _answer_load(result: Load) -> Answer:
     """Return the mass and the centre of the load."""
-    question = sentence("payload.load", "question", body=result.body)
+    question = sentence("payload.load", "question")
     if not result.mass.told:
         nothing = np.isfinite(result.mass.sigma)
         text = sentence("payload.load", "entered") if nothing else ""
         return Answer(question, result.answer, text, "amber")
     interval = sentence("payload.load", "interval", low=result.mass.low, high=result.mass.high)
-    interval = join_sentences(interval, _state_error(result))
     doubtful = result.scale.contradicts
     tone, text = ("amber", sentence("payload.scale", "check")) if doubtful else ("blue", interval)
     return Answer(question, result.answer, text, tone, more=_state_readings(result))
 
 
-def _state_error(result: Load) -> str:
-    """Return the error of the load's torque at the joint that feels it most."""
+def _state_error(result: Load, lacks: Sequence[str]) -> str:
+    """Return the error of the load's torque at the joint that feels it most.
+
+    `lacks` are the effects that the model lacks, with their joints.
+    """
     torque, robot = result.estimate.torque, result.robot
     joint = int(np.nansum(torque.explained**2, axis=0).argmax())
     rms, share = (float(x[joint]) for x in torque.errors)
     if not np.isfinite(share):
         return ""
     size = f"{format_number(rms, 3)} {robot.torque_units[joint]}"
-    return sentence("payload.load", "error", joint=robot.joints[joint], rms=size, share=share)
+    name = robot.joints[joint]
+    here = any(effect.endswith(f" in {name}") for effect in lacks)
+    lacking = sentence("payload.load", "lacking") if here else ""
+    return sentence("payload.load", "error", joint=name, rms=size, share=share, lacking=lacking)
 
 
 def _state_readings(result: Load) -> str:
@@ -202,7 +211,7 @@ def _answer_known(result: Load) -> Answer:
     about = "payload.known"
     centre = result.quantities[1:4]
     unknown = [q for q in result.quantities if not q.told]
-    bounds = ", ".join(_state_bound(q) for q in unknown if _is_bounded(q))
+    bounds = _state_bounds([q for q in unknown if _is_bounded(q)])
     others = [q.name for q in unknown if not _is_bounded(q)]
     tone = "blue" if all(q.told for q in centre) else "amber"
     limited = sentence(about, "bounds", names=bounds) if bounds else ""
@@ -233,7 +242,9 @@ def _answer_trust(result: Load) -> Answer:
         part = "robot"
         text = sentence(about, "alone")
         if result.without:
-            text = sentence(about, "paired", without=shorten_paths(result.without))
+            text = sentence(about, "apart", without=shorten_paths(result.without))
+            part = part if first or result.caveats else "paired"
+    text = join_sentences(text, _state_error(result, lacks))
     names = [c.called for c in changes]
     found = sentence(about, "found", names=names) if changes else ""
     more = join_sentences(found, *result.caveats)

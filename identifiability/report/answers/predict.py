@@ -13,7 +13,7 @@ from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import LEVEL, digits, join
+from identifiability.foundation.rounding import LEVEL, digits, format_number, join
 from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
 
@@ -25,6 +25,7 @@ from .common import (
     Command,
     PredictingPresenter,
     answer,
+    capital,
     command,
     find_command,
     first_sentence,
@@ -240,7 +241,8 @@ class PositionPredictionPresenter(AnsweringPresenter):
             names.append(sentence("diagnosis.missing", "everywhere"))
             errors = np.column_stack([errors, result.totals])
         rows = zip(names, *(1e3 * errors), strict=True)
-        more = [Column(f"error of {run.name}", digits(3)) for run in result.runs]
+        titles = (f"error of {name_run(result, k, 'the ')}" for k in range(len(result.runs)))
+        more = [Column(title, digits(3)) for title in titles]
         return (make_table("rollout", rows, more=more, unit=" or ".join(units)),)
 
     def frame(self) -> pd.DataFrame:
@@ -279,6 +281,13 @@ class PositionPredictionPresenter(AnsweringPresenter):
 def moves_worse(result: PositionPrediction) -> bool:
     """Return whether the named effects make the motion of commands worse."""
     return bool(result.totals[-1] < result.totals[1])
+
+
+def name_run(result: PositionPrediction, k: int, article: str = "") -> str:
+    """Return what a page calls a robot: by its part in a fit, else by its file."""
+    if not result.origin:
+        return result.runs[k].name
+    return article + sentence("rollout.errors", ("file", "fit")[k])
 
 
 def _state_runs(result: PositionPrediction) -> str:
@@ -332,26 +341,31 @@ def _answer_positions(result: PositionPrediction) -> Answer:
     about = "rollout.errors"
     totals = result.totals
     short = f"{_state_runs(result)}."
-    late = [f"{1e3 * np.median(run.delays):.3g} ms ({run.name})" for run in result.runs]
-    delays = sentence(about, "delays", late=late) if any(map(has_commands, result.logs)) else ""
-    text = state_span(result) + delays
+    order = np.argsort(totals).tolist()
+    late = [1e3 * np.median(run.delays) for run in result.runs]
+    each = [f"{late[k]:.3g} ms ({name_run(result, k)})" for k in order]
+    delays = sentence(about, "delays", late=each) if any(map(has_commands, result.logs)) else ""
     least, most = totals.min(), totals.max()
     if most > (1 + VISIBLE) * least > 0 and len(_list_units(result)) == 1:
-        near, far = (result.runs[k] for k in np.argsort(totals))
-        sizes = {"size": _state_size(result, near.errors), "other": _state_size(result, far.errors)}
-        names = {"near": near.name, "far": far.name, "times": most / least}
-        short = sentence(about, "nearer", **names, **sizes)
+        names = [capital(name_run(result, order[0], "the ")), name_run(result, order[1], "the ")]
+        errors = [_state_size(result, result.runs[k].errors) for k in order]
+        holes = {"near": names[0], "far": names[1], "size": errors[0], "other": errors[1]}
+        short = sentence(about, "nearer", **holes, times=most / least)
     tone = "green" if _moves_better(result) else "blue" if len(totals) == 1 else "amber"
-    return Answer(sentence(about, "question"), short, text, tone)
+    return Answer(sentence(about, "question"), short, state_span(result), tone, more=delays)
 
 
 def _answer_motion(result: PositionPrediction) -> Answer:
     """Return whether the motion of a fitted robot may be trusted."""
     about = "rollout.trust"
     lag = result.from_commands
-    text = sentence(about, "lag", lag=_state_size(result, lag)) if np.isfinite(lag).all() else ""
+    own = 1e3 * result.runs[-1].errors[result.alike]
+    ends = (format_number(float(x), 3, pad=True) for x in (own.min(), own.max()))
+    size = f"{' … '.join(dict.fromkeys(ends))} {result.unit}"
+    late = sentence(about, "lag", lag=_state_size(result, lag)) if np.isfinite(lag).all() else ""
+    text = sentence(about, "joints", size=size, lag=late)
     grave = first_sentence(*(x for x in result.hints if hint_note(x).level == "warning"))
     part = "care" if grave else "yes" if result.unseen else "fitted"
     part = part if _moves_better(result) else "no"
     logs = [log.name for log in result.logs]
-    return answer(about, part, text, logs=logs, file=result.runs[0].name, first=grave)
+    return answer(about, part, text, logs=logs, file=name_run(result, 0, "the "), first=grave)

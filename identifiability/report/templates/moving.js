@@ -4,6 +4,7 @@ function drawMoving(figure) {
   const [play, time] = [figure.querySelector(".play"), figure.querySelector("input")];
   const buttons = [...figure.querySelectorAll("[data-robot]")], said = figure.querySelector("output");
   const robots = [...figure.querySelectorAll(".robots > g")];
+  robots.unshift(robots.pop());  // the first one is drawn last
   let started = null;
   const place = (p, k) => `${p[3 * k]} ${p[3 * k + 1]}`;
   // Bodies, the far ones first, so that near ones hide them.
@@ -34,7 +35,7 @@ function drawMoving(figure) {
     });
     const share = (data.t[k] - data.t[0]) / (data.t.at(-1) - data.t[0]);
     now?.setAttribute("transform", `translate(${400 * share} 0)`);
-    said.textContent = [`${data.t[k].toFixed(2)} s`, ...data.told.map((e) => e[k])].join(" \u00b7 ");
+    said.textContent = [`${data.t[k].toFixed(2)} s`, ...data.told.map((e) => e[k])].filter(Boolean).join(" \u00b7 ");
   };
   const step = (clock) => {
     if (started === null) return;
