@@ -33,7 +33,7 @@ from identifiability.robot.kinematics import Point
 
 from .answers.common import NAMED, capital, hint_note, sentence, words
 from .answers.compare import list_loaded
-from .answers.predict import find_worst, name_run
+from .answers.predict import find_worst, name_runs
 from .answers.tables import make_table, unit_cell
 from .blocks import (
     SHOWN_FIRST,
@@ -644,8 +644,8 @@ def rollout_heading(result: PositionPrediction) -> tuple[str, str]:
     logs = format_count(len(result.logs), "log")
     names = [run.name for run in result.runs]
     if result.origin:
-        each = [f"{name_run(result, k)}: {name}" for k, name in enumerate(names)]
-        names = [name.replace(" ", "\xa0") for name in each]
+        pairs = map(": ".join, zip(name_runs(result), names, strict=True))
+        names = [pair.replace(" ", "\xa0") for pair in pairs]
     return "Predicted positions", " · ".join([*names, logs])
 
 
@@ -658,24 +658,23 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
     """Return the robots as they move along the first log, if they can be drawn."""
     log = result.logs[0]
     robot = result.robot
-    names = [name_run(result, k) for k in range(len(result.runs))]
+    names = name_runs(result)
     motions = {"recording": ("grey", log.q)}
-    runs = enumerate(zip(names, result.runs, strict=True))
-    motions |= {name: (TONES[k % 3], run.q[0]) for k, (name, run) in runs}
+    runs = zip(names, TONES, result.runs, strict=False)
+    motions |= {name: (tone, run.q[0]) for name, tone, run in runs}
     start = result.runs[0].starts[0]
     errors = [
         1e3 * np.sqrt(np.mean((run.q[0] - log.q)[:, result.alike] ** 2, axis=1))
         for run in result.runs
     ]
 
-    def told(rows: np.ndarray) -> list[list[str]]:
-        early = rows < start
-        first = np.where(early, sentence("rollout.motion", "uncounted"), "").tolist()
-        each = [
-            np.where(early, "", [_state_now(name, x, result.unit) for x in own[rows]]).tolist()
-            for name, own in zip(names, errors, strict=True)
-        ]
-        return [first, *each]
+    def tell(row: int) -> str:
+        if row < start:
+            return sentence("rollout.motion", "uncounted")
+        now = [f"{own[row]:.3g} {result.unit}" for own in errors]
+        sizes = ["diverged" if size.startswith("nan") else size for size in now]
+        pairs = map(" ".join, zip(names, sizes, strict=True))
+        return " · ".join(pair.replace(" ", "\xa0") for pair in pairs)
 
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
     worst = find_worst(result)
@@ -686,7 +685,7 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         for name, run in zip(names, result.runs, strict=True)
     ]
     caption = sentence("rollout.motion", driven, log=log.name, joint=joint, sizes=sizes)
-    moving = move_skeletons(robot, log.t, poses, told, caption)
+    moving = move_skeletons(robot, log.t, poses, lambda rows: [[*map(tell, rows)]], caption)
     if moving is None:
         return None
     off = {name: 1e3 * (q - log.q)[start:, worst] for name, (_, q) in motions.items()}
@@ -695,17 +694,12 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
     return replace(moving, torque=below)
 
 
-def _state_now(name: str, error: float, unit: str) -> str:
-    """Return the error of a robot at one time."""
-    return f"{name} {'diverged' if np.isnan(error) else f'{error:.3g} {unit}'}".replace(" ", "\xa0")
-
-
 def _positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
     log = result.logs[0]
     robot = result.robot
-    simulated = {name_run(result, k): run.q[0] for k, run in enumerate(result.runs)}
-    lines = {"measured": log.q, **simulated}
+    simulated = [run.q[0] for run in result.runs]
+    lines = {"measured": log.q, **dict(zip(name_runs(result), simulated, strict=True))}
     if log.q_ref is not None:
         lines["command"] = log.q_ref
     shown = traces(

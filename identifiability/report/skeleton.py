@@ -310,7 +310,7 @@ def move_with_torque(
     moving = move_skeletons(robot, t[:end], poses, told, caption, load)
     if moving is None:
         return None
-    of = {"load": "torque of the load", "hangs": "torque change", "changed": "torque change"}
+    of = {"load": "load torque", "hangs": "torque change", "changed": "torque change"}
     times = t[:end] - t[0]
     trace = Trace.of(for_svg(name), unit, times, own, POINTS, of.get(how, "torque"))
     # Times of the log, as in the plots below.

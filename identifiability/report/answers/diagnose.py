@@ -438,15 +438,16 @@ def _answer_gap(d: Diagnosis) -> Answer:
             text += sentence(about, "useless")
         return answer(about, "stays", text, error=d.held_before)
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
-    interval = sentence(about, "interval", ends=" … ".join(ends)) if any(d.interval) else ""
-    text = sentence(about, "unseen", verified=d.verified_on)
+    holes: dict[str, Any] = {"verified": d.verified_on, "ends": " … ".join(ends)}
+    interval = sentence(about, "interval", **holes) if any(d.interval) else ""
+    text = "" if interval else sentence(about, "unseen", **holes)
     reduction = d.used.reduction
     every = len(d.completed.base)
     if len(reduction) < every:
         text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
     tone = "green" if d.interval[1] < 0 else "amber"
-    holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
-    told = answer(about, "falls", text, tone, interval=interval, **holes)
+    errors = {"before": d.held_before, "after": d.held_after}
+    told = answer(about, "falls", text, tone, interval=interval, **errors)
     return replace(told, more=_state_motion(d))
 
 

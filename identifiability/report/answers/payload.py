@@ -191,7 +191,7 @@ def _state_error(result: Load, lacks: Sequence[str]) -> str:
     size = f"{format_number(rms, 3)} {robot.torque_units[joint]}"
     name = robot.joints[joint]
     here = any(effect.endswith(f" in {name}") for effect in lacks)
-    lacking = sentence("payload.load", "lacking") if here else ""
+    lacking = sentence("payload.load", "lacking", lacks=lacks) if here else ""
     return sentence("payload.load", "error", joint=name, rms=size, share=share, lacking=lacking)
 
 
@@ -238,16 +238,16 @@ def _answer_trust(result: Load) -> Answer:
     if first:
         part = "warning"
     lacks = _list_missing(result) or result.estimate.lacks
+    apart = ""
     if lacks:
-        part = "robot"
-        text = sentence(about, "alone")
+        part, text = "robot", sentence(about, "alone")
         if result.without:
-            text = sentence(about, "apart", without=shorten_paths(result.without))
-            part = part if first or result.caveats else "paired"
+            part, text = "robot" if first or result.caveats else "paired", ""
+            apart = sentence(about, "apart", without=shorten_paths(result.without))
     text = join_sentences(text, _state_error(result, lacks))
     names = [c.called for c in changes]
     found = sentence(about, "found", names=names) if changes else ""
-    more = join_sentences(found, *result.caveats)
+    more = join_sentences(apart, found, *result.caveats)
     return replace(answer(about, part, text, lacks=lacks, first=first), more=more)
 
 

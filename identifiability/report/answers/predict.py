@@ -241,8 +241,7 @@ class PositionPredictionPresenter(AnsweringPresenter):
             names.append(sentence("diagnosis.missing", "everywhere"))
             errors = np.column_stack([errors, result.totals])
         rows = zip(names, *(1e3 * errors), strict=True)
-        titles = (f"error of {name_run(result, k, 'the ')}" for k in range(len(result.runs)))
-        more = [Column(title, digits(3)) for title in titles]
+        more = [Column(f"error of {name}", digits(3)) for name in name_runs(result, "the ")]
         return (make_table("rollout", rows, more=more, unit=" or ".join(units)),)
 
     def frame(self) -> pd.DataFrame:
@@ -283,11 +282,11 @@ def moves_worse(result: PositionPrediction) -> bool:
     return bool(result.totals[-1] < result.totals[1])
 
 
-def name_run(result: PositionPrediction, k: int, article: str = "") -> str:
-    """Return what a page calls a robot: by its part in a fit, else by its file."""
+def name_runs(result: PositionPrediction, article: str = "") -> list[str]:
+    """Return what a page calls the robots: by their part in a fit, else by their files."""
     if not result.origin:
-        return result.runs[k].name
-    return article + sentence("rollout.errors", ("file", "fit")[k])
+        return [run.name for run in result.runs]
+    return [article + sentence("rollout.errors", part) for part in ("file", "fit")]
 
 
 def _state_runs(result: PositionPrediction) -> str:
@@ -342,15 +341,15 @@ def _answer_positions(result: PositionPrediction) -> Answer:
     totals = result.totals
     short = f"{_state_runs(result)}."
     order = np.argsort(totals).tolist()
-    late = [1e3 * np.median(run.delays) for run in result.runs]
-    each = [f"{late[k]:.3g} ms ({name_run(result, k)})" for k in order]
-    delays = sentence(about, "delays", late=each) if any(map(has_commands, result.logs)) else ""
+    names = name_runs(result, "the ")
+    late = [f"{1e3 * np.median(result.runs[k].delays):.3g} ms ({names[k]})" for k in order]
+    delays = sentence(about, "delays", late=late) if any(map(has_commands, result.logs)) else ""
     least, most = totals.min(), totals.max()
     if most > (1 + VISIBLE) * least > 0 and len(_list_units(result)) == 1:
-        names = [capital(name_run(result, order[0], "the ")), name_run(result, order[1], "the ")]
-        errors = [_state_size(result, result.runs[k].errors) for k in order]
-        holes = {"near": names[0], "far": names[1], "size": errors[0], "other": errors[1]}
-        short = sentence(about, "nearer", **holes, times=most / least)
+        near, far = (names[k] for k in order)
+        size, other = (_state_size(result, result.runs[k].errors) for k in order)
+        holes = {"near": near, "far": far, "size": size, "other": other, "times": most / least}
+        short = capital(sentence(about, "nearer", **holes))
     tone = "green" if _moves_better(result) else "blue" if len(totals) == 1 else "amber"
     return Answer(sentence(about, "question"), short, state_span(result), tone, more=delays)
 
@@ -359,13 +358,13 @@ def _answer_motion(result: PositionPrediction) -> Answer:
     """Return whether the motion of a fitted robot may be trusted."""
     about = "rollout.trust"
     lag = result.from_commands
-    own = 1e3 * result.runs[-1].errors[result.alike]
-    ends = (format_number(float(x), 3, pad=True) for x in (own.min(), own.max()))
+    own = np.sort(1e3 * result.runs[-1].errors[result.alike]).tolist()
+    ends = (format_number(x, 3, pad=True) for x in (*own[:1], *own[-1:]))
     size = f"{' … '.join(dict.fromkeys(ends))} {result.unit}"
     late = sentence(about, "lag", lag=_state_size(result, lag)) if np.isfinite(lag).all() else ""
-    text = sentence(about, "joints", size=size, lag=late)
+    text = sentence(about, "joints", size=size, lag=late) if own else ""
     grave = first_sentence(*(x for x in result.hints if hint_note(x).level == "warning"))
     part = "care" if grave else "yes" if result.unseen else "fitted"
     part = part if _moves_better(result) else "no"
     logs = [log.name for log in result.logs]
-    return answer(about, part, text, logs=logs, file=name_run(result, 0, "the "), first=grave)
+    return answer(about, part, text, logs=logs, file=name_runs(result, "the ")[0], first=grave)

@@ -35,7 +35,7 @@ function drawMoving(figure) {
     });
     const share = (data.t[k] - data.t[0]) / (data.t.at(-1) - data.t[0]);
     now?.setAttribute("transform", `translate(${400 * share} 0)`);
-    said.textContent = [`${data.t[k].toFixed(2)} s`, ...data.told.map((e) => e[k])].filter(Boolean).join(" \u00b7 ");
+    said.textContent = [`${data.t[k].toFixed(2)} s`, ...data.told.map((e) => e[k])].join(" \u00b7 ");
   };
   const step = (clock) => {
     if (started === null) return;
