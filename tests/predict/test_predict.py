@@ -228,4 +228,4 @@ def test_torque_moves_the_robot_as_it_moved(without_noise):
     true, wrong = found.totals
     assert true < 0.02  # of a torque that was sampled
     assert wrong > 5 * true
-    assert f"errs by {1e3 * true:.3g} mrad (rms)" in found.answers()[0].short
+    assert f"errs by {1e3 * true:.3g} mrad rms, " in found.answers()[0].short

@@ -537,7 +537,7 @@ def _state_shape(d: Diagnosis, family: str, p: Placement) -> str:
     sliding = [axis.name for axis in d.robot.axes if axis.prismatic]
     unit = "m/s" if p.place in sliding else "rad/s"
     symbol = getattr(find_family(family).effect, "symbol", "") or "shape"
-    return f"{symbol} {measured(p.shape, p.shape_error, unit)}"
+    return f"{symbol} = {measured(p.shape, p.shape_error, unit)}"
 
 
 class ForwardGapPresenter(Presenter):

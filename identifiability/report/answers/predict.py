@@ -25,7 +25,6 @@ from .common import (
     Command,
     PredictingPresenter,
     answer,
-    capital,
     command,
     find_command,
     first_sentence,
@@ -346,10 +345,10 @@ def _answer_positions(result: PositionPrediction) -> Answer:
     delays = sentence(about, "delays", late=late) if any(map(has_commands, result.logs)) else ""
     least, most = totals.min(), totals.max()
     if most > (1 + VISIBLE) * least > 0 and len(_list_units(result)) == 1:
-        near, far = (names[k] for k in order)
+        near, far = name_runs(result, "The ")[order[0]], names[order[1]]
         size, other = (_state_size(result, result.runs[k].errors) for k in order)
         holes = {"near": near, "far": far, "size": size, "other": other, "times": most / least}
-        short = capital(sentence(about, "nearer", **holes))
+        short = sentence(about, "nearer", **holes)
     tone = "green" if _moves_better(result) else "blue" if len(totals) == 1 else "amber"
     return Answer(sentence(about, "question"), short, state_span(result), tone, more=delays)
 
