@@ -311,6 +311,7 @@ def move_with_torque(
     if moving is None:
         return None
     of = {"load": "load torque", "hangs": "torque change", "changed": "torque change"}
+    of["same"] = "residual torque"
     times = t[:end] - t[0]
     trace = Trace.of(for_svg(name), unit, times, own, POINTS, of.get(how, "torque"))
     # Times of the log, as in the plots below.

@@ -396,7 +396,8 @@ def _state_seen(result: Comparison) -> str:
     if not each:
         return sentence(about, "blind", names=names) if names else ""
     but = sentence(about, "but", names=names) if names else ""
-    return capital(sentence(about, "else" if result.changes else "shown", each=each, but=but))
+    part = "else" if result.changes else "shown"
+    return capital(sentence(about, part, each=" or ".join(each), but=but))
 
 
 def _state_evidence(change: Change, *, only: bool) -> str:
