@@ -17,6 +17,7 @@ from identifiability.effects.springs import GravitySpring
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.keyed import explain_combination
 from identifiability.foundation.linalg import (
+    NEARLY,
     RANK_TOLERANCE,
     SPAN_TOLERANCE,
     TINY,
@@ -24,7 +25,7 @@ from identifiability.foundation.linalg import (
     scan_columns,
     triangular_factor,
 )
-from identifiability.foundation.names import GROUPED_KINDS, Array, Parameter
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, Parameter
 from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
@@ -36,6 +37,9 @@ from .regression import Model, Regression, compute_blocks
 if TYPE_CHECKING:
     import pandas as pd
 
+
+#: Columns of bodies below this share of the others may come from five digits of a robot file.
+ROUNDED = np.sqrt(RANK_TOLERANCE)
 
 # Base parameters: which parameters a motion can determine at all, and which only in combination.
 #
@@ -60,7 +64,8 @@ class BaseParameters:
     singular_values : (min(rows, used columns),)
         Of the column-scaled regressor, descending.
     ambiguous : bool
-        Whether the number of kept columns and the numerical rank disagree.
+        Whether the number of kept columns and the numerical rank disagree, or a kept column or
+        direction is so small that rounded numbers of a robot file may have made it.
     order : tuple of int
         Order in which labels list the members of a group.
     """
@@ -230,7 +235,23 @@ def find_base_parameters(
     count = max(100, 4 * len(parameters) // len(robot.actuated))
     W = model.all_sensors(robot, random_motion(robot, np.random.default_rng(0), count))
     names = tuple(p.name for p in parameters)
-    return group_columns(W.reshape(-1, W.shape[2]), parameters, robot.column_preference(names))
+    share = _share_of_equals(np.linalg.norm(W, axis=(0, 1)), parameters)
+    # A file with nine digits turns a platform that cannot turn by a nanoradian.
+    acts = np.where(share > NEARLY, W, 0.0).reshape(-1, len(share))
+    base = group_columns(acts, parameters, robot.column_preference(names))
+    small = (share[base.kept] < ROUNDED).any() or base.gap[0] < NEARLY
+    return replace(base, ambiguous=base.ambiguous or bool(small))
+
+
+def _share_of_equals(length: Array, parameters: Sequence[Parameter]) -> Array:
+    """Return lengths of columns of bodies over the largest of their unit, others' as 1, (p,)."""
+    share = np.ones(len(length))
+    bodies = np.array([p.kind in INERTIAL_KINDS for p in parameters], bool)
+    units = np.array([p.unit for p in parameters])
+    for unit in np.unique(units[bodies]):
+        own = bodies & (units == unit)
+        share[own] = length[own] / or_one(length[own].max())
+    return share
 
 
 def refuse_twice(parameters: Sequence[Parameter], model: Model) -> None:

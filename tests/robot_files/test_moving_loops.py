@@ -6,9 +6,11 @@ Sources: J. D. Bennett, A new mechanism, Engineering 76 (1903).
 import numpy as np
 import pytest
 from made_loops import bennett, turntable, two_rockers
+from made_robots import CLOSURES, parallelogram
 from numpy.testing import assert_allclose
 
-from identifiability import IdentifiabilityError
+from identifiability import IdentifiabilityError, Model
+from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import complete_motion
 from identifiability.robot.closure import newton
 
@@ -32,6 +34,15 @@ def test_a_parallelogram_on_a_turntable_is_what_mujoco_makes_of_it(closure, tilt
     robot = agrees(turntable(closure, base=tilt), spread=EVERY_WAY)
     assert robot.passive == ("knee", "heel")
     assert robot.equations == 3
+
+
+def test_rounded_lengths_that_turn_a_coupler_add_no_base_parameters_or_are_told(load_text):
+    text = parallelogram(CLOSURES["site on the root"])
+    text = text.replace('"drive" axis', '"drive" range="0.3 1.2" axis')
+    robots = (load_text(text.replace('"-0.4', f'"-0.4{x}')) for x in ("", "00000001", "0001"))
+    exact, nine, five = (find_base_parameters(x, Model.of("rigid_body")) for x in robots)
+    assert nine.names == exact.names
+    assert exact.ambiguous < five.ambiguous
 
 
 def test_a_parallelogram_on_a_turntable_is_nowhere_singular(load_text):

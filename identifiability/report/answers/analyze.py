@@ -223,7 +223,7 @@ class LadderedPresenter(PredictingPresenter):
         if len(kept) < base.rank:
             yield note("poor", rank=base.rank, excited=len(kept))
         if base.ambiguous:
-            yield note("ambiguous")
+            yield note("ambiguous", rank=base.rank)
         if not result.validation:
             yield note("inside", kind=result.validation_kind)
 

@@ -190,10 +190,12 @@ def _answer_columns(result: Inspection) -> Answer:
 def _answer_open(result: Inspection) -> Answer:
     """Return the gaps of the robot file."""
     about = "inspection.open"
-    needs = result.needs
+    needs, base = result.needs, result.base
+    text = " ".join(need.text for need in needs[:NAMED])
+    if base.ambiguous:
+        return answer(about, "rounded", text, file=result.robot.path.name, rank=base.rank)
     if not needs:
         return answer(about, "nothing")
-    text = " ".join(need.text for need in needs[:NAMED])
     faults = of_key(need.text for need in needs)  # implausible statements of the file
     part = "faults" if faults else "some"
     return answer(about, part, text, count=needs)
