@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from identifiability.effects import FAMILIES
-from identifiability.effects.measurement import TorqueOffset
+from identifiability.effects.measurement import ClockError, TimeDelay, TorqueOffset
 from identifiability.effects.springs import GravitySpring
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.keyed import explain_combination
@@ -335,9 +335,11 @@ class Structure:
     def present(self) -> frozenset[tuple[str, str]]:
         """The model's effects by family and place.
 
-        An effect also counts as those that it supersedes.
+        An effect also counts as those that it supersedes, and an error in time as either sign.
         """
         own = {(p.group, p.owner) for p in self.parameters}
+        signs = {ClockError.name, TimeDelay.name}
+        own |= {(name, place) for family, place in own if family in signs for name in signs}
         return frozenset(own).union(
             (name, place)
             for family, place in own

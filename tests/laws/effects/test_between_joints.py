@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import IdentifiabilityError, Model, Robot
 from identifiability.effects.measurement import nominal_torque
+from identifiability.regression.structure import Structure
 
 T = np.linspace(0, 2.5, 80)
 
@@ -56,5 +57,6 @@ def test_a_clock_that_is_wrong_is_a_delay_that_cannot_be(polar, move):
     models = Model.of("time_delay"), Model.of("clock_error")
     W, V = (model.regressor(polar, m) for model in models)
     assert_array_equal(W, -V)
+    assert ("time_delay", "lift") in Structure.of(polar, models[1]).present
     every = [p for model in models for p in model.parameters(polar)]
     assert [(p.kind, p.nonnegative) for p in every] == [("delay", True)] * 2 + [("lead", True)] * 2
