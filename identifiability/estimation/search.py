@@ -6,15 +6,22 @@ only remove them. Left-out blocks of the fitted rows decide at which places each
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from identifiability.effects import Family, find_families
-from identifiability.effects.friction import PassiveJointFriction, RisingFriction
+from identifiability.effects.friction import (
+    PassiveJointFriction,
+    QuadraticFriction,
+    RisingFriction,
+    SigmoidFriction,
+    StribeckFriction,
+)
 from identifiability.effects.measurement import ClockError, CommandDelay, TimeDelay, TorqueScale
+from identifiability.effects.springs import PositionTorque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
 from identifiability.foundation.names import Array
@@ -143,10 +150,20 @@ def _judge(search: Search, found: Terms, refuted: Gains = ()) -> Judged:
 def _judge_confirmed(
     search: Search, found: Terms, confirmed: Confirmed, refuted: Gains = ()
 ) -> Judged:
-    """Return the terms that left-out blocks confirm, too."""
+    """Return the terms that left-out blocks confirm, too.
+
+    A family everywhere that keeps some places needs the odds and the unseen gain of these alone.
+    """
     kept, gains = confirmed
     places, possible = _ask_left_out(search, kept) if kept else ({}, ())
     standing = {t.key for t in kept}
+    fewer = tuple(_at_some(search, t, places[t.key]) for t in kept if places[t.key])
+    if sum(t.size for t in fewer) < sum(t.size for t in kept if places[t.key]):
+        asked = search.model.update_terms(fewer)
+        sure = tuple(t for t in asked if t.odds >= RULES.name)
+        again, own = _confirm(search, sure)
+        kept, gains = again, gains | own
+        standing -= {t.key for t in sure} - {t.key for t in again}
     news = ((t, gains[t.key]) for t in found if t.key not in standing)
     refuted = tuple(x for x in (*refuted, *news) if x[0].key not in standing)
     kept = search.model.update_terms(tuple(t for t in kept if places[t.key]))
@@ -195,11 +212,17 @@ def _exchange_improbable(judged: Judged) -> Terms:
 
 
 def _find_improbable(judged: Judged) -> Iterator[tuple[int, Term]]:
-    """Yield the number of each term that is far less probable than another name, and that name."""
+    """Yield the number of each term that is far less probable than another name, and that name.
+
+    Given that name, the term would be none: a name that gains as much beside it is no alternative.
+    """
+    beside = {t.key: t.odds for t in judged.search.model.gains(judged.terms)}
     for k in range(len(judged.terms)):
         odds, others = list_alternatives(judged, k)
-        if others and others[0].odds > odds + RULES.rival:
-            yield k, others[0]
+        instead = (t for t in others if odds + beside.get(t.key, -np.inf) < t.odds + RULES.name)
+        best = next(instead, None)
+        if best and best.odds > odds + RULES.rival:
+            yield k, best
 
 
 def list_alternatives(judged: Judged, k: int) -> tuple[float, Terms]:
@@ -345,6 +368,15 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Weak]:
     return places, tuple(possible)
 
 
+def _at_some(search: Search, term: Term, places: Iterable[str]) -> Term:
+    """Return a term with the columns of some places alone, if each of its shapes has some there."""
+    own = (c for some in search.missing.sets[term.key] for c in some if c.place in places)
+    columns = np.array([k for c in own for k in c.columns]) + search.missing.fixed
+    members = tuple(at[np.isin(at, columns)] for at in term.group.members)
+    some = replace(term, group=replace(term.group, members=members))
+    return some if all(map(len, members)) else term
+
+
 def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
     """Return the terms removed in a round: at most one of a place and of a family, the worst.
 
@@ -412,17 +444,30 @@ def _gains_left_out(model: MixedModel, terms: Terms, folds: BlockFolds) -> tuple
     return gains, needed
 
 
-def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
-    """Return whether a term explains more than errors of the likeliest law there.
+#: Laws of friction at a speed, whatever the position.
+AT_SPEEDS = (
+    StribeckFriction.name,
+    RisingFriction.name,
+    SigmoidFriction.name,
+    QuadraticFriction.name,
+)
 
-    The error of a law is a smooth function of the same coordinates. It is in the model as the
-    function of this joint that replaces the law best. A scale of the torque must gain beside it,
-    and an error of clocks must be as large as in other joints. Other effects are as small on real
-    robots because laws are wrong there, and then harm unseen motion.
+
+def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
+    """Return whether a term explains more than errors of the likeliest law of its joint.
+
+    A curve along the position is no law with a form. It does not err as friction at a speed does.
+
+    A scale of torque may stand beside any law, whose error is a smooth function of the same
+    coordinates. It is in the model as the function of this joint that replaces the law best. An
+    error of clocks must be as large as in other joints. Other effects are as small on real robots
+    because laws are wrong there, and then harm unseen motion.
     """
     term = terms[k]
     if term.group.family in CLOCKS:
         return _has_one_clock(model, terms, k)
+    if terms[likeliest].group.family == PositionTorque.name and term.group.family in AT_SPEEDS:
+        return True
     if term.group.family != TorqueScale.name:
         return False
     instead = model.gains(without(terms, likeliest))
@@ -561,14 +606,19 @@ def find_missing(
         return _conclude_known(Search(missing.under(known.noise)), known)
     judged = name_terms(Search(missing, None if unseen is None else Excerpt.of(unseen)))
     terms = tuple(_at_places(judged, k) for k in range(len(judged.terms)))
-    return _conclude(judged.search, terms)
+    return _conclude(judged.search, _at_all(judged.search, terms))
 
 
 def _conclude_known(search: Search, known: MissingEffects) -> MissingEffects:
     """Return the same for those known effects that a model still lacks."""
+    return _conclude(search, _at_all(search, known.named))
+
+
+def _at_all(search: Search, terms: Terms) -> Terms:
+    """Return terms at all their places: labels count places that are not sure, too."""
     groups = {g.key: g for g in search.model.groups}
-    lacking = (replace(t, group=groups[t.key]) for t in known.named if t.key in groups)
-    return _conclude(search, search.model.update_terms(tuple(lacking)))
+    whole = (replace(t, group=groups[t.key]) for t in terms if t.key in groups)
+    return search.model.update_terms(tuple(whole))
 
 
 def _at_places(judged: Judged, k: int) -> Term:

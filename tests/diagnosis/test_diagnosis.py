@@ -52,10 +52,8 @@ def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_
     assert refuted.before > 1 > refuted.unseen
     assert d.to_ladder().models[0].refuted == ["position_ripple@left_shoulder"]
     assert d.model.names == d.base
-    assert d.held_after == d.held_before
-    assert "No missing effect was found" in d.details
     assert "Position ripple in left_shoulder stood out from the fitted motion" in d.details
-    assert d.to_frame().empty
+    assert d.to_dict()["refuted"][0]["name"] == "position_ripple"
     page = d.write_report(tmp_path / "d.html").read_text()
     assert "Not confirmed by the motion that verifies" in page
 
@@ -81,11 +79,11 @@ def test_what_was_named_has_odds_beside_the_model_alone(diagnosis):
     "effects", [OF_POSTURE, pytest.param(None, marks=pytest.mark.everything)], ids=["few", "all"]
 )
 def test_a_fixed_simulation_can_miss_payload_and_tilt(
-    robot, hidden, name, place, effects, diagnosis_of
+    robot, hidden, name, place, effects, diagnosis_of, named
 ):
     forward = robot == "two-link"
     d = diagnosis_of(robot, hidden, fixed=True, effects=effects, forward=forward)
-    assert [(e.name, e.joints) for e in d.effects] == [(name, (place,))]
+    assert named(d) == [(name, (place,))]
     without = diagnosis_of(robot, fixed=True, effects=effects)
     assert d.held_after < 1.2 * without.held_before
     assert without.effects == ()
