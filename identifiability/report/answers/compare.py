@@ -302,9 +302,10 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     """Yield the rows of a change: its torque and probability, then its numbers.
 
     Of the numbers they are the first, and others whose intervals exclude zero. The centre of a load
-    stands for its first moments.
+    stands for its first moments. The probability of a change of several joints is none of a joint
+    whose share in it the motion does not show.
     """
-    probability = probability_text(change.odds)
+    probability = probability_text(change.odds) if _is_felt(change) else ""
     rivals = "; ".join(state_alternatives(change))
     more = _state_torque(change), probability, change.when, rivals
     yield capital(change.what), "", "", "", *more
@@ -326,9 +327,16 @@ def _centre_rows(change: Change) -> Iterator[tuple[str, str, str, str]]:
         yield f"{change.place} load centre {axis}", "", "", at
 
 
+def _is_felt(change: Change) -> bool:
+    """Whether the interval of the torque of a change excludes zero."""
+    return abs(change.felt.rms) > REACH * change.felt.sd
+
+
 def _state_torque(change: Change) -> str:
     """Return the torque of a change, at the joint that feels it most."""
     felt = change.felt
+    if not _is_felt(change):
+        return sentence("comparison.seen", "together")
     torque = f"{measured(abs(felt.rms), felt.sd, felt.unit)} rms"
     return torque if felt.joint in ("", change.place) else f"{torque} at {felt.joint}"
 
@@ -337,13 +345,15 @@ def _state_number(change: Change, k: int) -> tuple[str, str, str]:
     """Return a number of a change before and after it, where they are known, and its change."""
     times, unit = (100, "%") if change.units[k] == "1" else (1, change.units[k])
     level, size, sd = times * np.array([change.before[k], change.sizes[k], change.sd[k]])
-    by = signed(size, sd, unit)
+    together = sentence("comparison.seen", "together")
+    seen = abs(size) > REACH * sd
+    by = signed(size, sd, unit) if seen else together
     if not np.isfinite(level):
         return "", "", by
     if not change.determined[k]:
-        together = sentence("comparison.seen", "together")
         return together, together, by
-    return f"{stated_text(level, sd)} {unit}", f"{stated_text(level + size, sd)} {unit}", by
+    after = f"{stated_text(level + size, sd)} {unit}" if seen else together
+    return f"{stated_text(level, sd)} {unit}", after, by
 
 
 def _limit_table(unchanged: Sequence[Unchanged]) -> Table:
