@@ -190,21 +190,21 @@ def test_bodies_that_motion_does_not_determine_hide_no_wrong_scale(arm):
 
 
 FAULTS = [
-    ("", {}, 1.0),
-    ("irregular", {"lost": 0.05}, 1.0),
-    ("irregular", {"jitter": 0.04}, 1.0),
-    ("gains_scale", {}, 1.4),
+    ("", {}, 1.0, 0.06),
+    ("irregular", {"lost": 0.05}, 1.0, 0.06),
+    ("irregular", {"jitter": 0.04}, 1.0, 0.035),  # .037 by numbers of wrong times
+    ("gains_scale", {}, 1.4, 0.06),
 ]
 
 
-@pytest.mark.parametrize(("key", "spoilt", "factor"), FAULTS)
-def test_irregular_commands_and_gains_that_are_all_too_high_are_said(arm, key, spoilt, factor):
+@pytest.mark.parametrize(("key", "spoilt", "factor", "most"), FAULTS)
+def test_irregular_commands_and_gains_all_too_high_are_said(arm, key, spoilt, factor, most):
     rng, how = default_rng(6), servos.Recorder(100.0, 25.0, 0.006, 14, **spoilt)
     moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng)
     frame = servos.record(arm, TRUTH, moves, 8.0, how, rng)
     result = analyze(replace(arm, servo=arm.servo.divided(1 / factor)), frame, quick=True)
     assert [k for k in ("irregular", "gains_scale") if of_key(result.hints, k)] == [key] * bool(key)
-    assert result.chosen.error_ra < 0.06  # .47 if late commands act as the others
+    assert result.chosen.error_ra < most  # .47 if late commands act as the others
     assert not of_key(result.hints, "late_commands")
     assert_allclose(result.robot.servo.kp, arm.servo.kp, rtol=0.15)
 

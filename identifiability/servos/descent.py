@@ -64,6 +64,7 @@ def descend(
     x: Array,
     enough: float = ENOUGH,
     say: Callable[[float], None] = lambda share: None,
+    J: Array | None = None,
 ) -> SearchEnd:
     """Return where damped Gauss–Newton steps lead.
 
@@ -79,12 +80,15 @@ def descend(
         Weighted squares below which a promised gain ends the search.
     say : callable(float)
         Receives the share of the search that is done, as far as it can be foreseen.
+    J : (r, p), optional
+        Derivative of the residual near x, if it is known.
     """
     q = problem.roll([x])[0]
     # Only directions that are lost in errors of the derivative are damped at first.
     damping = VARIED**2
-    linearised = x[:0]
+    linearised = x[:0] if J is None else x
     poor = True
+    is_new = False
     # Weighted squares that the steps with the last derivative gained.
     since = np.inf
     # Derivatives whose steps promised little.

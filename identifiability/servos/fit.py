@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -93,10 +94,31 @@ def fit_rollouts(
 
 def refit_rollouts(found: Rollouts, logs: Sequence[Log]) -> Rollouts:
     """Return rollouts that follow other versions of their logs, from where their search ended."""
-    problem, end = found.search
-    problem = copy(problem)
+    problem = _follow_versions(found, logs)
+    return conclude(problem, descend(problem, found.search[1].x))
+
+
+def approach_rollouts(found: Rollouts, logs: Sequence[Log]) -> Rollouts:
+    """Return rollouts that nearly follow other versions of their logs.
+
+    The search begins with the derivative of the last one, which takes a rollout for each number.
+    Uncertainties stay as they are.
+    """
+    before, end = found.search
+    J = end.J / before.weights(end.q)[:, None]
+    problem = _follow_versions(found, logs)
+    end = descend(problem, end.x, BEGUN, J=J)
+    numbers, delays = problem.unpack(end.x)
+    parameters = problem.parameters(numbers)
+    search = (problem, end)
+    return replace(found, numbers=numbers, parameters=parameters, delays=delays, search=search)
+
+
+def _follow_versions(found: Rollouts, logs: Sequence[Log]) -> RolloutProblem:
+    """Return the problem of rollouts with other versions of their logs."""
+    problem = copy(found.search[0])
     problem.windows = [window.along(logs[window.log]) for window in problem.windows]
-    return conclude(problem, descend(problem, end.x))
+    return problem
 
 
 def leave_bounds(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:

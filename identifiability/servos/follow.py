@@ -30,7 +30,7 @@ from identifiability.simulation.rollout import CommandedRobot
 
 from .arrivals import leave_out_irregular, move_commands
 from .calibration import calibrate_torque, prepare_recording
-from .fit import divide_gains, fit_rollouts, refit_rollouts
+from .fit import approach_rollouts, divide_gains, fit_rollouts, refit_rollouts
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints
 from .rollouts import Rollouts, are_contradicted
@@ -155,8 +155,11 @@ def locate_commands(
 
     moved, shares = move(logs)
     if shares:
+        # Numbers of wrong times find times that are nearly as wrong, most of all dry friction.
+        for _ in range(2):
+            found = approach_rollouts(found, moved)
+            moved, _ = move(moved)
         found = refit_rollouts(found, moved)
-        # Their numbers are no longer those of wrong times.
         moved, _ = move(moved)
     return moved, shares, found
 
