@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
@@ -31,6 +32,12 @@ def test_a_column_of_zeros_is_not_trusted(tmp_path):
     assert row["refused"] or row["trust"] != "green"
 
 
+def test_one_draw_refuses_neither_its_remark_nor_its_time_and_more_draws_do():
+    row = {"condition": study.COMMANDED[0], "draws": [1, 7], "false": [1, 3], "CPU [s]": 19.0}
+    row |= {study.MEDIAN: 1.0, "at worst": 1.0, "coverage": "–", "friction": "–"}
+    assert sum(not c.passed for c in study.find_checks(pd.DataFrame(row))) == 2
+
+
 FULL = pytest.mark.everything
 
 
@@ -38,8 +45,10 @@ FULL = pytest.mark.everything
     "name",
     [
         "gains off by 5-15 %",
-        *(pytest.param(n, marks=FULL) for n in ("another unit", "columns exchanged")),
-        *(pytest.param(n, marks=FULL) for n in ("tilted by 2 degrees", "encoder zero")),
+        *(
+            pytest.param(name, marks=FULL)
+            for name in ("another unit", "columns exchanged", "tilted by 2 degrees", "encoder zero")
+        ),
     ],
 )
 def test_the_model_that_predicts_has_what_is_wrong_with_a_log(tmp_path, name):
