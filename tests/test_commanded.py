@@ -38,6 +38,7 @@ from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.servos import (
+    FirstAnswer,
     calibrate_torque,
     file_shares,
     find_odd_joints,
@@ -601,9 +602,12 @@ def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(arm, unsta
     log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng))
     robot = arm if stated else unstated
     found = fit_rollouts(robot, [log], file_shares(robot), 0.02)
-    assert found.missed[1] == 0.0
+    assert not found.missed[1]
+    _, elbow = FirstAnswer(robot, (), 6, 6, found).rows()
+    assert elbow["Fc"] is None
+    assert bool(elbow["kp"]) is stated
     if not stated:
-        said = state_gains(unstated, [log.name], found, file_shares(unstated))
+        said = state_gains(robot, [""], found, file_shares(robot))
         assert "command of elbow stands or is not followed, so its gain is a guess" in said
         assert not re.search(r"elbow [\d.]+ \(", said)
 

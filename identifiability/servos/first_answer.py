@@ -46,17 +46,25 @@ class FirstAnswer(Result):
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the numbers of each joint, with the error of its rollouts [mrad or mm].
 
-        The standard deviation of its gain is relative; it is 0 for a stated gain.
+        The standard deviation of its gain is relative; it is 0 for a stated gain. Where the command
+        of a joint stands, numbers are None, but for a stated gain.
         """
         found = self.found
         problem = found.search[0]
+        moves = problem.moves.any(0)
         is_fitted = problem.varied[problem.at("kp")]
         sd = np.sqrt(np.diag(found.covariance))[2 * len(self.robot.joints) :]
         log_kp_sd = np.where(is_fitted, sd, 0.0)
+        columns = {kind: found.numbers[kind] for kind in STATED}
+        columns |= {"kp_sd": log_kp_sd, "error": 1e3 * found.errors}
+        assert self.robot.servo is not None
+        stated = ~np.isnan(self.robot.servo.kp)
         for j, joint in enumerate(self.robot.joints):
-            numbers = {kind: float(found.numbers[kind][j]) for kind in STATED}
-            error = 1e3 * float(found.errors[j])
-            yield {"joint": joint, **numbers, "kp_sd": float(log_kp_sd[j]), "error": error}
+            numbers = {
+                kind: float(column[j]) if moves[j] or (kind == "kp" and stated[j]) else None
+                for kind, column in columns.items()
+            }
+            yield {"joint": joint, **numbers}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""

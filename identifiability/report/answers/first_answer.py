@@ -31,7 +31,7 @@ class FirstAnswerPresenter(Presenter):
         """Return the source of the numbers, the step that still runs, and the worst joint."""
         result = self.result
         about = "first_answer"
-        worst = max(result.rows(), key=lambda row: row["error"])
+        worst = max(result.rows(), key=lambda row: row["error"] or 0.0)
         lengths: dict[str, Any] = {"seconds": result.seconds, "of_seconds": result.of_seconds}
         begun = answer(about, "begun", sentence(about, "refined"), **lengths)
         follows = answer(about, "worst", question=sentence(about, "follows"), **worst)
