@@ -143,6 +143,8 @@ class Contradiction:
         Factor of the integral in this fit.
     lag : float
         Time by which it lags the true derivative [s]; 0 if that is not the contradiction.
+    movable : bool
+        Whether the column, moved by the lag, is better than a derivative of the samples.
     """
 
     joint: str
@@ -151,6 +153,7 @@ class Contradiction:
     explained: float
     slope: float
     lag: float = 0.0
+    movable: bool = False
 
     @property
     def text(self) -> str:
@@ -189,19 +192,19 @@ def contradictions(log: Log) -> list[Contradiction]:
             fit = _compare(log.t, x[:, k], rate[:, k])
             if fit is None:
                 continue
-            slope, unexplained, lag = fit
+            slope, unexplained, lag, movable = fit
             if unexplained > RULES.unexplained or not least < slope < 1 / least:
                 found.append(Contradiction(joint, kind, of, 1 - unexplained, slope))
             elif lag:
-                found.append(Contradiction(joint, kind, of, 1 - unexplained, slope, lag))
+                found.append(Contradiction(joint, kind, of, 1 - unexplained, slope, lag, movable))
     return found
 
 
-def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float, float] | None:
+def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float, float, bool] | None:
     """Return the best factor of the integral of a rate (N,), its unexplained variance, its lag.
 
-    The variance is relative to that of `x`, and a lag that does not matter is 0. The result is None
-    if noise hides the motion.
+    The variance is relative to that of `x`, and a lag that does not matter is 0. The last value is
+    whether the rate can be moved by its lag. The result is None if noise hides the motion.
     """
     dt = np.diff(t)
     whole = dt < RULES.gap * np.median(dt)
@@ -222,8 +225,8 @@ def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float, float] | No
     slope = float(given @ integral) / square if square > 0 else 0.0
     left = given - slope * integral
     steady = rate[1:] - Q @ (Q.T @ rate[1:])
-    lag = _find_lag(left, steady, float(np.median(dt)), noise)
-    return slope, float(left @ left) / float(given @ given), lag
+    lag, movable = _find_lag(left, steady, float(np.median(dt)), noise)
+    return slope, float(left @ left) / float(given @ given), lag, movable
 
 
 def _find_noise(x: Array) -> float:
@@ -232,28 +235,33 @@ def _find_noise(x: Array) -> float:
     return float(np.sqrt(np.mean(bends**2) / 6)) if len(x) > 2 else 0.0
 
 
-def _find_lag(left: Array, rate: Array, step: float, noise: float) -> float:
+def _find_lag(left: Array, rate: Array, step: float, noise: float) -> tuple[float, bool]:
     """Return the lag of a rate (N,) [s] that its integral leaves unexplained; 0 if it is harmless.
 
     An integral that lags by d misses d times the rate. A lag counts if it is certainly longer than
-    that of a backward difference, and spoils the rate more than noise spoils a derivative of the
-    samples.
+    that of a backward difference, half a step, and spoils the rate more than noise spoils a
+    derivative of the samples. The second value says whether moving the rate by its lag is better
+    than this derivative: a low-pass or a delay then spoils it by a term of second order.
     """
     square = float(rate @ rate)
     if not square > 0:
-        return 0.0
+        return 0.0, False
     lag = float(left @ rate) / square
     misses = (left - lag * rate) * rate
     # Few long blocks, as errors of an integral last; errors of one sign are the worst case.
     blocks = np.array_split(misses, round(len(rate) ** (1 / 3)))
     error = sum(abs(float(block.sum())) for block in blocks) / square
-    # A backward difference lags by half a step, and may be logged a step later.
-    if not abs(lag) > 1.5 * step + error:
-        return 0.0
-    samples = round(abs(lag) / step)
+    if not abs(lag) > 0.5 * step + error:
+        return 0.0, False
+    samples = max(round(abs(lag) / step), 1)
     changes = rate[samples:] - rate[:-samples]
-    spoilt = np.mean(changes**2) - 2 * _find_noise(rate) ** 2
+    variance = _find_noise(rate) ** 2
+    spoilt = np.mean(changes**2) - 2 * variance
     # A derivative up to the cut-off f has the variance ∫ (2πf)² 2 step df of white noise.
     cutoff = RULES.cutoff_highest / step
     derived = noise * 2 * np.pi * cutoff * np.sqrt(2 * cutoff * step / 3)
-    return lag if spoilt > derived**2 else 0.0
+    if not spoilt > derived**2:
+        return 0.0, False
+    bends = changes[samples:] - changes[:-samples]
+    distorted = (np.mean(bends**2) - 6 * variance) / 4
+    return lag, bool(distorted < derived**2)

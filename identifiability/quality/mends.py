@@ -21,6 +21,7 @@ from identifiability.logs.commands import of_commands
 from identifiability.logs.contradictions import Contradiction, contradictions
 from identifiability.logs.rows import find_range
 from identifiability.logs.rules import RULES
+from identifiability.logs.signals import cubic, sampling_step
 from identifiability.logs.spikes import Spike, Wraps, find_wraps, mend_column
 from identifiability.robot.floating import BASE_JOINTS
 
@@ -271,10 +272,17 @@ def compute_torque(logs: RawLogs) -> RawLogs:
     return logs.having(made, [Finding("apart", joints=joints)] if joints else [])
 
 
+# Derivatives that contradict positions.
+#
+# A velocity that lags by d adds d times viscous friction to the inertia of its joint. Low-passes of
+# drivers lag, and columns that are logged a step later. Moving such a column adds no noise.
+
+
 @check("contradictions", Does.MENDS)
 def drop_contradicting(logs: RawLogs) -> RawLogs:
-    """Leave out derivatives that contradict positions; only report them if they were requested.
+    """Leave out derivatives that contradict positions, or move those that only lag a little.
 
+    If they were requested, they are reported only.
     Derivatives of another unit or sign stay; `check_units` refuses them.
     """
     asked = logs.how is not None and logs.how.derivatives == "given"
@@ -284,35 +292,50 @@ def drop_contradicting(logs: RawLogs) -> RawLogs:
 #: Channels in words.
 _NAMES = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 
+#: Channels that may be left out, each the derivative of the one before.
+_DERIVATIVES = ("dq", "ddq")
+
 
 def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
-    wrong = [c for c in contradictions(log.shown) if not c.in_unit]
-    if not wrong:
-        return log, []
+    every = [c for c in contradictions(log.shown) if not c.in_unit]
+    if asked:
+        return log, _report("derivative", log, every)
+    late = [c for c in every if c.movable]
+    wrong = [c for c in every if not c.movable]
+    # A derivative of a wrong velocity cannot be checked.
+    first = min((_DERIVATIVES.index(c.kind) for c in wrong), default=len(_DERIVATIVES))
+    gone = _DERIVATIVES[first:]
+    words = " and ".join(_NAMES[c] for c in gone if c in log.channels)
+    found = _report("contradictions", log, wrong, channels=words, rows=len(log))
+    log = log.without(gone)
+    late = [c for c in late if c.kind not in gone]
+    if late:
+        log = log.changed(partial(_advance, log, late))
+    return log, [*found, *_report("late", log, late)]
+
+
+def _report(key: str, log: Log, wrong: Sequence[Contradiction], **others: Any) -> list[Finding]:
+    """Return the finding of wrong columns; none if there are none."""
     where = [*(c.text for c in wrong if not c.lag), *_state_lags(wrong)]
     columns = [f"{c.joint}.{c.kind}" for c in wrong]
-    if asked:
-        return log, [
-            Finding(
-                "derivative",
-                log.name,
-                where=where,
-                columns=columns,
-            )
-        ]
-    # A derivative of a wrong velocity cannot be checked.
-    gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
-    words = " and ".join(_NAMES[c] for c in gone if c in log.channels)
-    return log.without(gone), [
-        Finding(
-            "contradictions",
-            log.name,
-            where=where,
-            channels=words,
-            columns=columns,
-            rows=len(log),
-        )
-    ]
+    return [Finding(key, log.name, where=where, columns=columns, **others)] if wrong else []
+
+
+def _advance(log: Log, late: Sequence[Contradiction], rows: Log, start: int) -> Log:
+    """Return rows of a log, from an index on, with late columns at the times of positions."""
+    longest = max(abs(c.lag) for c in late)
+    reach = 4 + round(longest / sampling_step(log.t))  # and the samples of a cubic
+    near = log.rows(max(start - reach, 0), start + len(rows) + reach)
+    lags = {(c.joint, c.kind): c.lag for c in late}
+    behind = np.zeros(len(log.joints))
+    moved = dict[str, Any]()
+    for kind in [c for c in _DERIVATIVES if c in log.channels]:
+        # An acceleration was compared with the velocity as it was logged.
+        behind += [lags.get((joint, kind), 0.0) for joint in log.joints]
+        at = np.clip(rows.t[:, None] + behind, near.t[0], near.t[-1])
+        columns = zip(at.T, getattr(near, kind).T, strict=True)
+        moved[kind] = np.column_stack([cubic(times, near.t, x) for times, x in columns])
+    return replace(rows, **moved)
 
 
 def _state_lags(wrong: Sequence[Contradiction]) -> Iterator[str]:
