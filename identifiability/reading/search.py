@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from identifiability.effects import FAMILIES
-from identifiability.effects.measurement import EncoderBias
+from identifiability.effects.measurement import EncoderBias, TorqueOffset
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import NEARLY
@@ -314,8 +314,18 @@ class ReadingSearch:
         """Return a reading with the delay, unit or direction that fits best, described."""
         if 1 < (reading.factor < 0).sum() < len(self.candidates.measured):
             return self.confirm_signs(reading)
-        tuned = tune_numbers(self.rows_of(reading), reading)
+        tuned = tune_numbers(self.rows_of_numbers(reading), reading)
         return self.describe_direction(tuned) if reading.turned else describe_numbers(tuned)
+
+    def rows_of_numbers(self, reading: Reading) -> TorqueRows:
+        """Return the rows that choose the numbers of a reading.
+
+        Torque offsets that the model lacks would turn gravity, so these rows contain none.
+        """
+        rows = self.rows_of(reading)
+        if not reading.turned or TorqueOffset.name in self.structure.model.names:
+            return rows
+        return TorqueRows(self.structure, rows.excerpt, rows.parts, separate_offsets=True)
 
     def confirm_signs(self, reading: Reading) -> Reading:
         """Return a reading without the changes of sign that adjusted rows do not confirm."""
