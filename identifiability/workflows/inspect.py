@@ -504,7 +504,8 @@ def _with_currents(found: Inspection, case: Case, run: Run, refusal: LogError) -
     """Return the inspection of logs whose currents have no gain yet.
 
     One unit of current counts as one unit of torque in checks. Findings on the unit of torque are
-    left out, and so is torque of joints without a gain (NaN). The refusal that other verbs would
+    left out, and so is torque of joints without a gain (NaN). Readings of torque that is in other
+    units at each joint would be wrong, such as gravity upwards. The refusal that other verbs would
     raise is the first finding.
     """
     torque = case.robot.torque
@@ -512,7 +513,8 @@ def _with_currents(found: Inspection, case: Case, run: Run, refusal: LogError) -
     gains = {joint: torque.at("gain", joint) or 1.0 for joint in conventions.joints}
     robot = replace(case.robot, torque=torque.model_copy(update={"gain": gains}))
     read = _with_logs(found, case.with_(robot=robot), run)
-    kept = [hint for hint in read.hints if getattr(hint, "key", "") not in ("unit", "joint_unit")]
+    of_units = ("unit", "joint_unit", "alternative")
+    kept = [hint for hint in read.hints if getattr(hint, "key", "") not in of_units]
     unknown = np.array([torque.at("gain", joint) is None for joint in case.robot.joints])
     records = tuple(_without_torque(record, unknown) for record in read.records)
     hints = (Finding("currents", refusal=str(refusal)), *kept)

@@ -73,20 +73,22 @@ def test_the_sidecar_and_the_option_rename_and_the_option_comes_first(
 
 def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write):
     side = write("side.toml", "[torque]\ngain = {shoulder = 2.0, elbow = 4.0}\n")
-    names = ("t", "q1", "q2", "actual_current_1 [mA]", "cur_2 [mA]")
-    given = bare.set_axis(list(names), axis=1)
+    names = ["t", "q1", "q2", "actual_current_1 [mA]", "cur_2 [mA]"]
+    # Currents may have the other sign, as long as nothing states their gains.
+    given = (bare * [1, 1, 1, -1, -1]).set_axis(names, axis=1)
     with pytest.raises(
         IdentifiabilityError,
         match=r"no torques of shoulder, elbow.*gain = \{shoulder.* and ratio = \{shoulder",
     ):
         Log.from_frame(given, "log", known())
     seen = inspect("two-link", given)
+    assert "1 thing" in seen.statement
     assert seen.warnings[0].startswith("log 1 has currents and no torques")
     assert seen.records[0].clock["samples"] == len(given)
     assert np.isnan(seen.records[0].tau).all()
     assert "gain and ratio" in seen.next()[0][0]
     log = Log.from_frame(given, "log", known(sidecar=side))
-    scaled = bare[["shoulder.tau", "elbow.tau"]] * [2e-3, 4e-3]
+    scaled = bare[["shoulder.tau", "elbow.tau"]] * [-2e-3, -4e-3]
     assert_allclose(log.tau, scaled, rtol=1e-12)
     with pytest.raises(IdentifiabilityError, match=r"is a current, but .* stated as 'Nm'"):
         Log.from_frame(given.rename(columns=lambda c: c.replace("mA", "Nm")), "log", known())
