@@ -12,8 +12,9 @@ from identifiability.effects import title_of
 from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Cell, Note, Table
+from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.rounding import REACH, format_count, format_number
+from identifiability.foundation.rounding import REACH, format_count, format_number, join
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
@@ -31,6 +32,7 @@ from .answers.analyze import (
     state_nearest,
 )
 from .answers.common import capital, join_sentences, note, sentence, words
+from .answers.prune import likely_sizes
 from .answers.tables import make_table
 
 if TYPE_CHECKING:
@@ -62,7 +64,14 @@ from .values_table import joint_values
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
     model = "" if analysis.nothing else f"{model_title(analysis.chosen).removeprefix('the ')} · "
-    return "Identifiability report", f"{analysis.robot.path.name} · {model}{count_logs(analysis)}"
+    about = f"{analysis.robot.path.name} · {model}{_name_added(analysis)}{count_logs(analysis)}"
+    return "Identifiability report", about
+
+
+def _name_added(result: Laddered[Any]) -> str:
+    """Return the effects that the model got because the logs show them."""
+    added = of_key(result.remarks, "completed")
+    return f"with {join(added[0].numbers['what'])} · " if added else ""
 
 
 def count_logs(result: Laddered[Any]) -> str:
@@ -410,12 +419,14 @@ def posterior_table(analysis: Analysis) -> Table | None:
 
 def pruning_heading(ladder: Ladder) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    return "Pruning report", f"{ladder.robot.path.name} · {count_logs(ladder)}"
+    about = f"{ladder.robot.path.name} · {_name_added(ladder)}{count_logs(ladder)}"
+    return "Pruning report", about
 
 
 def pruning_below(ladder: Ladder) -> Picture:
     """Return the error of every model of the path over its size."""
-    return picture("ladder", plot.reduction_path(ladder))
+    likely = sentence("pruning.use", "shaded") if likely_sizes(ladder) else ""
+    return picture("ladder", plot.reduction_path(ladder), likely=likely)
 
 
 def pruning_sections(ladder: Ladder) -> list[Section | None]:

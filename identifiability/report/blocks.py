@@ -228,6 +228,16 @@ class Moving:
         return Markup(f'<g class="bodies">{bodies}</g>{"".join(dot.format(*x) for x in marks)}')
 
     @property
+    def strips(self) -> tuple[Moving, ...]:
+        """The drawings of torque: a residual beside torque has one with its own scale below."""
+        lines = dict(self.torque.lines) if self.torque is not None else {}
+        residual = lines.pop("residual", None)
+        if self.torque is None or residual is None or not lines:
+            return (self,)
+        each = (lines, {"residual": residual})
+        return tuple(replace(self, torque=replace(self.torque, lines=part)) for part in each)
+
+    @property
     def range(self) -> tuple[float, float]:
         """Least and largest torque that is drawn, zero among them."""
         lines = self.torque.lines.values() if self.torque is not None else ()

@@ -49,7 +49,7 @@ _LIGHT = (TEMPLATES / "style.css").read_text(encoding="utf-8").partition("}")[0]
 COLOURS: dict[str, str] = dict(re.findall(r"--(\w+): (#[0-9a-f]{6});", _LIGHT))
 
 INK, MUTED, LINE, SURFACE = (COLOURS[name] for name in ("ink", "muted", "line", "surface"))
-BLUE, VERMILION = (COLOURS[name] for name in ("blue", "vermilion"))
+BLUE, VERMILION, GREEN = (COLOURS[name] for name in ("blue", "vermilion", "green"))
 
 #: Matplotlib's settings.
 STYLE: Any = {
@@ -632,7 +632,13 @@ def label_line(axes: Axes, x: float, text: str, side: str) -> None:
 
 @drawn
 def draw_ladder(
-    sizes: Array, other: Array, unseen: Array, spread: Array, selected: int, name: str
+    sizes: Array,
+    other: Array,
+    unseen: Array,
+    spread: Array,
+    selected: int,
+    name: str,
+    likely: Sequence[int] = (),
 ) -> Figure:
     """Draw the error of each model against its size, with the band of one standard error.
 
@@ -650,37 +656,26 @@ def draw_ladder(
         The model to use.
     name : str
         Of the `other` errors.
+    likely : (int, int), optional
+        Least and largest size that is as good.
     """
-    figure, (axes,) = canvas(WIDTH, 290, (56, 12, 54, 42))
+    figure, (axes,) = canvas(WIDTH, 270, (44, 8, 26, 40))
     other, unseen, spread = (
         100 * np.where(np.isfinite(x), x, np.nan) for x in (other, unseen, spread)
     )
     half = np.nan_to_num(spread)
-    axes.plot(
-        sizes,
-        unseen,
-        "o-",
-        color=BLUE,
-        markersize=5,
-        label="cross-validation",
-    )
-    axes.plot(
-        sizes,
-        other,
-        "o-",
-        label=name,
-        color=MUTED,
-        fillstyle="none",
-        markersize=4,
-        linewidth=1,
-    )
-    band = sizes, unseen - half, unseen + half
-    axes.fill_between(*band, color=BLUE, alpha=0.16, linewidth=0, label="± one standard error")
+    low, high = unseen - half, unseen + half
+    band = axes.fill_between(sizes, low, high, color=BLUE, alpha=0.16, linewidth=0)
+    (line,) = axes.plot(sizes, unseen, "o-", color=BLUE, markersize=5)
+    style: Any = {"color": MUTED, "fillstyle": "none", "markersize": 4, "linewidth": 1}
+    (seen,) = axes.plot(sizes, other, "o-", **style)
+    if likely:
+        axes.axvspan(likely[0] - 0.5, likely[1] + 0.5, color=GREEN, alpha=0.12, linewidth=0)
     chosen = float(sizes[selected])
     axes.axvline(chosen, color=BLUE, **DASHED)
     # The curve rises at the right: the label is at the left if there is room.
     side = "right" if 4 * chosen < 3 * sizes.max() else "left"
-    label_line(axes, chosen, f"use these {chosen:.0f}", side)
+    label_line(axes, chosen, f"use {chosen:.0f}", side)
     shown = np.concatenate([unseen, other])
     if (shown[np.isfinite(shown)] > 0).any():
         axes.set_yscale("log")
@@ -691,8 +686,8 @@ def draw_ladder(
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_locator(NullLocator())
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)
-    legend_above(axes)
-    label_axes(axes, "parameters kept [–]", "relative torque error [%]")
+    legend_above(axes, handles=[(band, line), seen], labels=["cross-validation ± σ", name])
+    label_axes(axes, "model size [parameters]", "error [% of torque variation]")
     return figure
 
 

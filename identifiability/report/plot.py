@@ -25,6 +25,7 @@ from identifiability.foundation.errors import near_match
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError
 
+from .answers.prune import likely_sizes
 from .figures import draw_ladder, draw_precision, draw_profile, draw_torque
 
 if TYPE_CHECKING:  # every report loads this module, and few need pruning or diagnosis
@@ -79,7 +80,8 @@ def reduction_path(result: Ladder) -> Figure:
     """Draw the error of each model of a pruning against its number of parameters.
 
     Cross-validation chooses the model. Held-out logs judge it; without them the error of the fit
-    is drawn. All errors are of the estimates: only the model to use has physically consistent ones.
+    is drawn. Models that would do as well are shaded. All errors are of the estimates: only the
+    model to use has physically consistent ones.
     """
     held_out = bool(result.validation)
     name = "held-out logs" if held_out else "fitted stretches"
@@ -93,7 +95,7 @@ def reduction_path(result: Ladder) -> Figure:
         for r in result.models
     ]
     sizes, other, unseen, spread = np.array(submodels).T
-    return draw_ladder(sizes, other, unseen, spread, result.selected, name)
+    return draw_ladder(sizes, other, unseen, spread, result.selected, name, likely_sizes(result))
 
 
 def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:

@@ -190,7 +190,11 @@ def set_symbols(text: str) -> Markup:
     escaped = str(text if isinstance(text, Markup) else for_html(text))  # a link is markup
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
-    escaped = re.sub(r"(?<=[\d)]) (?=[%σ×]|N·|N\b|mrad|mm|kg)", "\u00a0", escaped)
+    escaped = re.sub(
+        r"(?<=[\d)]) (?=[%σ×]|N·|N\b|mrad|mm|kg)|(?<=\bN) (?=rms)|(?<=N·m) (?=rms)",
+        "\u00a0",
+        escaped,
+    )
     escaped = re.sub(r"(?<=\b[xyz]) (?=−?\d)|(?<=&lt;) (?=\d)| (?=&lt; \d)", "\u00a0", escaped)
     escaped = re.sub(r" ([±…]) (?=−?\d)", "\u00a0\\1\u00a0", escaped)
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
@@ -236,7 +240,7 @@ def build_page(result: Result) -> Page:
         overline, subtitle = own
     shown = answer_first(result)
     warnings = [note("decides", text=text) for text in result.warnings]
-    said = " ".join(one.short for one in shown.answers)
+    said = " ".join(f"{one.short} {one.text}" for one in shown.answers)
     quantity = name_forces if pushes(result) else str
     hints = [hint_note(x) for x in result.remarks if first_sentence(x).lower() not in said.lower()]
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))

@@ -28,7 +28,6 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     LEVEL,
     REACH,
-    format_count,
     format_number,
     join,
     measured,
@@ -214,7 +213,9 @@ class LadderedPresenter(PredictingPresenter):
         chosen = result.chosen
         base = result.base
         kept = result.full.estimate.kept
-        yield from map(hint_note, result.remarks)
+        # The head of the page names effects that the model got.
+        named = of_key(result.remarks, "completed")
+        yield from (hint_note(x) for x in result.remarks if x not in named)
         for found in of_key(result.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
         if chosen.infeasible and not result.nothing and not chosen.physical_used:
@@ -291,7 +292,9 @@ class AnalysisPresenter(LadderedPresenter):
         tone = "blue" if is_nearly_real(chosen) else "amber"
         count = len(chosen.submodel)
         near = "" if is_nearly_real(chosen) else state_nearest(chosen)
-        text = join_sentences(_state_unknown(chosen), near)
+        text = join_sentences(
+            _state_known(result.robot.joints, chosen), _state_unknown(chosen), near
+        )
         found = found_cell(chosen).text
         return answer(about, part, text, tone, found=found, count=count)
 
@@ -364,17 +367,38 @@ def count_kinds(names: Iterable[str]) -> Counter[str]:
 
 
 def _state_unknown(chosen: ModelResult) -> str:
-    """Return the kinds of parameters with other verdicts, and how many are not just unknown."""
+    """Return how many parameters have which other verdict."""
     others = [v for v in chosen.verdicts if v.verdict is not Class.IDENTIFIABLE]
     if chosen.unjudged or not others:
         return ""
     about = "analysis.others"
     doubted = Counter(Flag.IN_DOUBT if Flag.IN_DOUBT in v.flags else v.verdict for v in others)
     each = [sentence(about, of, count=doubted[of]) for of in WORDS[about] if doubted[of]]
-    labels = sentence("analysis.use", "labels", labels=join(each)) if each else ""
-    kinds = count_kinds(v.name for v in others)
-    each = [format_count(n, kind) for kind, n in kinds.most_common()]
-    return sentence("analysis.use", "open", others=len(others), labels=labels, each=each)
+    return sentence("analysis.use", "open", others=len(others), labels=each)
+
+
+def _state_known(joints: Sequence[str], chosen: ModelResult) -> str:
+    """Return which frictions, rotors and how many combinations of masses are identifiable."""
+    about = "analysis.use"
+    kinds: dict[str, str] = WORDS["analysis.known"]
+    words = [kinds.get(v.name.rpartition(".")[2], "masses") for v in chosen.verdicts]
+    known = [v.verdict is Class.IDENTIFIABLE for v in chosen.verdicts]
+    told = []
+    for what in dict.fromkeys(kinds.values()):
+        own = [k for k, word in enumerate(words) if word == what]
+        places = [chosen.verdicts[k].name.rpartition(".")[0] for k in own]
+        lost = [place for place, k in zip(places, own, strict=True) if not known[k]]
+        names = list(dict.fromkeys(lost))
+        holes: dict[str, Any] = {"count": len(own) - len(lost), "total": len(own), "what": what}
+        part = ("but" if names else "every") if {*joints} <= {*places} else "values"
+        if len(names) > NAMED or (names and part == "values"):
+            part = "share"
+        if len(own) > len(lost):
+            told.append(sentence(about, part, names=names, **holes))
+    count = sum(word == "masses" and sure for word, sure in zip(words, known, strict=True))
+    if count:
+        told.append(sentence(about, "masses", count=count))
+    return sentence(about, "known", each=told) if told and not chosen.unjudged else ""
 
 
 def _state_own_means(result: Laddered[Any]) -> str:

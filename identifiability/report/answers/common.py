@@ -287,6 +287,7 @@ class PredictingPresenter(AnsweringPresenter):
         question: str = "",
         raw: float = math.nan,
         part: str = "error",
+        **holes: Any,
     ) -> Answer:
         """Return the error of the predictions, and the joint with the largest error.
 
@@ -300,8 +301,10 @@ class PredictingPresenter(AnsweringPresenter):
             In place of the usual one.
         raw : float
             Error of torque that no filter has passed.
-        part : {"error", "along"}
-            Whether the error is of unseen motion.
+        part : str
+            Sentence of `quality` that states the error.
+        holes
+            Of this sentence.
         """
         error = self.errors()[0]
         if not np.isfinite(error):
@@ -317,7 +320,8 @@ class PredictingPresenter(AnsweringPresenter):
         more = join_sentences(about, noisier, self.state_uses(), more)
         if noisy:
             text, more = sentence("quality", "quieter"), join_sentences(text, more)
-        found = answer("quality", part, text, tone, question=question, error=error, worst=worst)
+        holes |= {"error": error, "worst": worst}
+        found = answer("quality", part, text, tone, question=question, **holes)
         return replace(found, short=join_sentences(found.short, noisy), more=more)
 
     def state_uses(self) -> str:
@@ -468,29 +472,22 @@ def answer_trust(
     usual = WORDS["note.hint"]["title"].rstrip(".")
     checks = [n.text for n in notes if n.level == "warning" and n.title.rstrip(".") == usual]
     titles = [f"“{title}”" for title in dict.fromkeys(graver) if title != usual]
-    if not missing:
-        titles += filter(None, [_head_check(checks), in_doubt])
-        if len(checks) > 1:
-            titles.append(sentence("trust", "checks", count=checks[1:]))
-    read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
-    # The only caveat stands here alone, so that no note repeats it.
-    if len(checks) == len(titles) == 1:
-        titles = [after_colon(checks[0])]
-    grave = "; ".join([*(read if warnings else []), *titles])
+    if warnings:
+        titles.insert(0, sentence("trust", "warnings" if len(warnings) > 1 else "one_warning"))
     if missing:
-        text = _state_open({"until": capital(in_doubt), "read": grave})
-        return answer("trust", "if_nothing", text, missing=missing)
-    if len(titles) > 1:  # the headline counts them
-        count = len(checks) + len({*graver} - {usual}) + bool(in_doubt) + len(warnings)
-        return answer("trust", "several", "", "amber", grave=capital(grave), count=count)
-    if grave:
-        return answer("trust", "care", grave=grave)
-    return answer("trust", "yes", sentence("trust", "nothing"))
-
-
-def _state_open(parts: dict[str, str]) -> str:
-    """Return the reasons for doubt that are there, each in its sentence of `trust`."""
-    return " ".join(sentence("trust", part, told=text) for part, text in parts.items() if text)
+        # The only check stands here alone, so that no note repeats it.
+        told = [f"{capital(in_doubt)}." if in_doubt else "", *checks * (len(checks) == 1)]
+        also = sentence("trust", "read", told="; ".join(titles)) if titles else ""
+        return answer("trust", "if_nothing", join_sentences(*told, also), missing=missing)
+    # What leads is told in full; a note below the answers has all of the other checks.
+    head = after_colon(checks[0]) if checks and not titles else _head_check(checks)
+    titles += filter(None, [head, in_doubt])
+    if len(checks) > 1:
+        titles.append(sentence("trust", "checks", count=checks[1:]))
+    if not titles:
+        return answer("trust", "yes", sentence("trust", "nothing"))
+    others = f"{capital('; '.join(titles[1:]))}." if titles[1:] else ""
+    return answer("trust", "care", others, grave=titles[0])
 
 
 def _head_check(checks: Sequence[str]) -> str:

@@ -56,21 +56,27 @@ class LadderPresenter(LadderedPresenter):
         used = len(chosen)
         part = "some" if used < size else "all"
         why, rule = _state_choice(result) if used < size else ("", "")
-        others = _state_others(result) if used < size else ""
-        known = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE), used=used)
+        counts = [m.count(Class.IDENTIFIABLE) for m in (chosen, result.full)]
+        known = sentence(
+            about, part + "_found", found=counts[0], used=used, all=counts[1], size=size
+        )
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
         near = "" if is_nearly_real(chosen) else state_nearest(chosen)
-        kept = join_sentences(_state_cost(result), _state_dropped(result), known, others)
+        kept = join_sentences(known, _state_dropped(result))
         text = join_sentences(kept, signs, near)
-        sound = is_nearly_real(chosen) and not result.missing.statement
-        found = answer(about, part, text, "green" if sound else "amber", size=size, used=used)
-        return replace(found, more=join_sentences(why, rule))
+        # What the model lacks is the answer on trust.
+        tone = "blue" if is_nearly_real(chosen) else "amber"
+        found = answer(about, part, text, tone, size=size, used=used)
+        sizes = likely_sizes(result) if used < size else ()
+        others = sentence(about, "others", low=sizes[0], high=sizes[1]) if sizes else ""
+        return replace(found, more=join_sentences(why, rule, others))
 
-    def asked(self) -> tuple[Answer, ...]:
-        """Return the model, its error with that of its estimates, and its reliability."""
-        use, error, trust = super().asked()
-        text = join_sentences(error.text, _state_estimates(self.result))
-        return use, replace(error, text=text), trust
+    def answer_error(self, text: str, more: str = "", **options: Any) -> Answer:
+        """Return the error of the estimates, as in the figure, and that of what is exported."""
+        own = _compare_errors(self.result)
+        if own:
+            more = join_sentences(more, _state_cost(self.result))
+        return super().answer_error(text, more, **options | own)
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and that the choice is stable if it is."""
@@ -95,36 +101,23 @@ def _state_choice(result: Ladder) -> tuple[str, str]:
 
 
 def _state_cost(result: Ladder) -> str:
-    """Return the error in cross-validation of the model to use, and that of all parameters."""
+    """Return the errors in cross-validation of the model to use and of all parameters."""
     each = [m.error_ra_unseen for m in (result.chosen, result.full)]
-    if result.nothing or not np.isfinite(each).all() or result.chosen is result.full:
+    if not (result.validation and np.isfinite(each).all()):
         return ""
     return sentence("pruning.use", "cost", error=each[0], full=each[1], size=len(result.full))
 
 
-def _state_estimates(result: Ladder) -> str:
-    """Return the errors of the estimates of the model to use and of all parameters.
+def _compare_errors(result: Ladder) -> dict[str, Any]:
+    """Return the errors of the model to use and of all parameters, and the sentence that has both.
 
     Only estimates of two models compare: larger models have no physically consistent values.
     """
-    error = result.chosen.unseen_by(0)
-    if result.nothing or not np.isfinite(error):
-        return ""
-    part = "used" if result.chosen.physical_used else "estimated"
-    holes: dict[str, Any] = {"size": len(result.full), "full": result.full.unseen_by(0)}
-    return sentence("pruning.choice", part, error=error, **holes)
-
-
-def _state_others(result: Ladder) -> str:
-    """Return the sizes of models that would do as well, unless one is likelier than all others."""
-    if result.chosen.weight > 0.5:
-        return ""
-    likely, total = [], 0.0
-    for model in sorted(result.models, key=lambda m: -m.weight):
-        if total < LEVEL:
-            likely.append(len(model))
-        total += model.weight
-    return sentence("pruning.use", "others", low=min(likely), high=max(likely))
+    errors = [m.unseen_by(0) for m in (result.chosen, result.full)]
+    if result.nothing or not np.isfinite(errors).all() or result.chosen is result.full:
+        return {}
+    part = "exported" if result.chosen.physical_used else "compared"
+    return {"part": part, "free": errors[0], "full": errors[1], "size": len(result.full)}
 
 
 def _state_dropped(result: Ladder) -> str:
@@ -133,6 +126,21 @@ def _state_dropped(result: Ladder) -> str:
     lost = [name for name in result.full.submodel.columns if name not in kept]
     each = [format_count(number, kind) for kind, number in count_kinds(lost).most_common()]
     return sentence("pruning.use", "dropped", each=each) if each else ""
+
+
+def likely_sizes(result: Ladder) -> tuple[int, ...]:
+    """Return the least and largest size of models that would do as well.
+
+    Nothing if one model is likelier than all others.
+    """
+    if result.chosen.weight > 0.5:
+        return ()
+    likely, total = [], 0.0
+    for model in sorted(result.models, key=lambda m: -m.weight):
+        if total < LEVEL:
+            likely.append(len(model))
+        total += model.weight
+    return min(likely), max(likely)
 
 
 def _move_row(r: PrunedModel) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 // Robots along a recording: play, or drag the time; each robot can be hidden.
 function drawMoving(figure) {
-  const data = JSON.parse(figure.dataset.moving), now = figure.querySelector(".now");
+  const data = JSON.parse(figure.dataset.moving), now = figure.querySelectorAll(".now");
   const [play, time] = [figure.querySelector(".play"), figure.querySelector("input")];
   const buttons = [...figure.querySelectorAll("[data-robot]")], said = figure.querySelector("output");
   const robots = [...figure.querySelectorAll(".robots > g")];
@@ -34,7 +34,7 @@ function drawMoving(figure) {
       });
     });
     const share = (data.t[k] - data.t[0]) / (data.t.at(-1) - data.t[0]);
-    now?.setAttribute("transform", `translate(${400 * share} 0)`);
+    for (const line of now) line.setAttribute("transform", `translate(${400 * share} 0)`);
     said.textContent = [`${data.t[k].toFixed(2)} s`, ...data.told.map((e) => e[k])].join(" \u00b7 ");
   };
   const step = (clock) => {

@@ -568,7 +568,7 @@ def compare_logs(
         The fitted logs.
     result : ModelResult
     missing : sequence of str
-        Effects that the model misses: these come first.
+        Effects that the model misses: these come first, and the next step names them.
     """
     columns = result.submodel.columns
     motions = result.fit.motions
@@ -583,8 +583,7 @@ def compare_logs(
         ends = f"{x.min():.3g} to {x.max():.3g} {units.get(columns[k], '')}".rstrip()
         far.append(f"{columns[k]} ({ends})")
     told = phrase("disagree", "says", names=names, far=far)
-    after = "missing" if missing else "compare"
-    return f"{told} {phrase('disagree', after, missing=list(missing))}"
+    return told if missing else f"{told} {phrase('disagree', 'compare')}"
 
 
 # `Analysis`: the result of `analyze`.
