@@ -606,10 +606,22 @@ def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(arm, unsta
     _, elbow = FirstAnswer(robot, (), 6, 6, found).rows()
     assert elbow["Fc"] is None
     assert bool(elbow["kp"]) is stated
-    if not stated:
+    if stated:
+        (fitted,) = analyze(robot, log, quick=True, replicates=0).recordings.fitted
+        assert fitted.unmeasured[:, 1].all()
+    else:
         said = state_gains(robot, [""], found, file_shares(robot))
         assert "command of elbow stands or is not followed, so its gain is a guess" in said
         assert not re.search(r"elbow [\d.]+ \(", said)
+
+
+def test_times_of_commands_are_refuted_unless_most_joints_err_less(arm, frames, monkeypatch):
+    def scatter(_, log, *_rest):
+        return replace(log, arrivals=log.commands_since + 0.2 * np.sin(log.t**2)), 0.5
+
+    monkeypatch.setattr("identifiability.servos.follow.move_commands", scatter)
+    (fitted,) = analyze(arm, frames[0], quick=True, replicates=0).recordings.fitted
+    assert fitted.arrivals is None
 
 
 def test_gains_are_found_on_the_fitted_logs_alone(unstated, frames):

@@ -151,6 +151,8 @@ def _find_lateness(log: Log, servo: Servo, recording: Recording, how: Preparatio
     least[:count] = known
     precision = precision + scipy.sparse.diags_array(least)
     later: Array = scipy.sparse.linalg.spsolve(precision.tocsc(), product)[:count]
+    # Torque is linear in the time of a command up to about the next one.
+    later = np.clip(later - np.average(later, weights=weights), -period, period)
     return later - np.average(later, weights=weights)
 
 

@@ -108,6 +108,8 @@ def calibrate_torque(
     unlike = count == 0
     lost = ~moves | (unlike & turns) | log.is_unmeasured
     lost[: forgotten(log)] = True
+    if log.q_ref is not None:  # friction holds a joint whose command stands
+        lost[:, np.ptp(log.q_ref, axis=0) == 0] = True
     if given.unmeasured is not None:
         lost |= given.unmeasured
     # Away from reversals the friction of the log is known, and the error changes slowly.
