@@ -721,22 +721,10 @@ def resolve_commands(
         )
     told = [repr(c.source) for c in taken.values() if c.kind in ("q_ref", "dq_ref")]
     if told and known.servo is None:
-        what = _NO_SERVO if known.base is None else _NO_STAND.format(body=known.base.body)
-        raise LogError(f"{source} has commands ({listing(told, 2)}) and no torque, and {what}")
+        if known.base is None:
+            raise LogError(Finding("columns.servo", source, commands=told))
+        raise LogError(Finding("columns.stand", source, commands=told, body=known.base.body))
     return bool(told)
-
-
-#: Why commands are no torque.
-_NO_SERVO = (
-    "nothing states the gains of the servos that make torque of them; give them in the sidecar: "
-    "[servo] kp = …, kv = … (or as <position> actuators of an MJCF). Where nobody knows them, "
-    '[servo] kp = "fit" lets the logs tell them, in units of the robot file\'s bodies.'
-)
-_NO_STAND = (
-    "the robot file says that '{body}' floats: torque is made of commands only of a robot that is "
-    'held. If it hung on a stand, add --set base=fixed (or base = "fixed" in the sidecar); if it '
-    "did not, log the torque."
-)
 
 
 # Missing columns, with a remedy that can be copied.

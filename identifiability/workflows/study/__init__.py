@@ -42,6 +42,9 @@ _LOADED = re.compile(
     r"(?i)(?<!no[_ -])(?<!without[_ -])(?<![a-z])(?:(?:pay)?load(?:ed)?|tool|weight)(?![a-z])"
 )
 
+#: Logs whose sidecar must say more, by the key of the sentence that refuses them.
+_ASKED = {"columns.gain": "currents", "columns.servo": "commands"}
+
 
 @frozen(kw_only=True)
 class Study:
@@ -149,10 +152,9 @@ def new_study(
             texts[sidecar.name] = _filled("sidecar.toml", _facts(known))
     whole = {name: path.read_bytes() for name, path in files.items()}
     whole |= {name: text.encode() for name, text in texts.items()}
-    currents = _hold_currents(known, logs)
-    if currents:
-        joints = ", ".join(f"{toml_key(joint)} = …" for joint in known.joints)
-        whole[sidecar.name] += _filled("currents.toml", {"JOINTS": joints}).encode()
+    asked = _find_asked(known, logs)
+    if asked:
+        whole[sidecar.name] += _filled(f"{asked}.toml", _facts(known)).encode()
     new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -170,19 +172,19 @@ def new_study(
         held_back=held_back,
         loaded=tuple(loaded),
         has_logs=has_logs,
-        notes=(phrase("study", "currents", file=sidecar.name),) if currents else (),
+        notes=(phrase("study", asked, file=sidecar.name),) if asked else (),
     )
 
 
-def _hold_currents(known: Robot, logs: Sequence[str | Path]) -> bool:
-    """Return whether a log holds currents that no number of the sidecar turns into torque."""
+def _find_asked(known: Robot, logs: Sequence[str | Path]) -> str:
+    """Return what the logs hold in place of torque and no number of the sidecar turns into it."""
     for log in logs:
         try:
             Log.read(log, Conventions.of(known))
         except LogError as error:  # the verbs say what else a log lacks
-            if error.key == "columns.gain":
-                return True
-    return False
+            if error.key in _ASKED:
+                return _ASKED[error.key]
+    return ""
 
 
 def _facts_of_case(
@@ -194,13 +196,15 @@ def _facts_of_case(
 ) -> dict[str, str]:
     """Return the values of a new case file, as TOML."""
     held_out = [] if held_back is None else [held_back]
-    body = toml_key(known.bodies[-1])
+    body = max(known.bodies, key=lambda body: known.nominal[f"{body}.m"])
+    mass = known.nominal[f"{body}.m"]
     return {
         "ROBOT": for_toml(robot),
         "LOGS": for_toml(list(fitted)),
         "HELD_OUT": for_toml(held_out),
         "LOADED": f"loaded = {for_toml(list(loaded))}" if loaded else '# loaded = ["loaded.csv"]',
-        "BODY": body,
+        "BODY": toml_key(body),
+        "MASS": f"[{0.95 * mass:.2g}, {1.05 * mass:.2g}]",
     }
 
 
@@ -223,6 +227,7 @@ def _facts(robot: Robot) -> dict[str, str]:
         "NAME": for_toml(robot.title),
         "ACTUATED": for_toml(robot.joints),
         "FIRST": toml_key(first),
+        "JOINTS": ", ".join(f"{toml_key(joint)} = …" for joint in robot.joints),
         "RANGE": "[-0.1, 0.1]" if slides else "[-1, 1]",
         "SPEED": "0.1" if slides else "1",
     }
