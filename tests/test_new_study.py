@@ -13,10 +13,19 @@ from identifiability.robot.locate import shipped_folder, shipped_robots
 SAMPLED = ("six-dof-arm", "3-rps", "quadruped", "hobby-arm")
 
 
-@pytest.mark.parametrize("robot", SAMPLED)
-def test_a_study_of_a_sampled_robot_has_what_its_script_names(robot, tmp_path):
+@pytest.mark.parametrize("robot", shipped_robots())
+def test_every_shipped_robot_can_be_studied_and_has_what_its_script_names(robot, tmp_path):
     made = new_study(tmp_path / "study", robot)
-    named = re.findall(r"\b(?:robot\.\w+|run\d\.csv)", (made.folder / "case.toml").read_text())
+    assert made.has_logs == (robot in SAMPLED)
+    assert made.next_line.startswith(f"cd {made.folder} && identifiability")
+    assert {*made.written} == {*made.folder.iterdir()}
+    text = (made.folder / "case.toml").read_text()
+    proposed = text.replace("# [masses]\n# ", "[masses]\n")
+    ((body, (low, high)),) = tomllib.loads(proposed)["masses"].items()
+    assert low < Robot.load(robot).nominal[f"{body}.m"] < high
+    if not made.has_logs:
+        return
+    named = re.findall(r"\b(?:robot\.\w+|run\d\.csv)", text)
     assert len(set(named)) >= 4
     assert all((made.folder / name).is_file() for name in named)
     loaded = Robot.load(made.folder / made.robot)
@@ -25,19 +34,6 @@ def test_a_study_of_a_sampled_robot_has_what_its_script_names(robot, tmp_path):
     script = (made.folder / "study.py").read_text()
     assert len(script.splitlines()) <= 10
     compile(script, "study.py", "exec")
-
-
-@pytest.mark.parametrize("robot", shipped_robots())
-def test_every_shipped_robot_can_be_studied(robot, tmp_path):
-    made = new_study(tmp_path / "study", robot)
-    assert made.has_logs == (robot in SAMPLED)
-    assert made.next_line.startswith(f"cd {made.folder} && identifiability")
-    assert sorted(path.name for path in made.written) == sorted(
-        path.name for path in made.folder.iterdir()
-    )
-    proposed = (made.folder / "case.toml").read_text().replace("# [masses]\n# ", "[masses]\n")
-    ((body, (low, high)),) = tomllib.loads(proposed)["masses"].items()
-    assert low < Robot.load(robot).nominal[f"{body}.m"] < high
 
 
 def test_a_robot_of_ones_own_gets_a_sidecar_and_a_template(tmp_path):

@@ -22,6 +22,7 @@ from .positions import forgotten
 from .rollouts import Rollouts
 from .standing import state_standing
 from .torque import compute_torque, replace_servo, servo_log
+from .windows import moving_commands
 
 __all__ = [
     "FirstAnswer",
@@ -36,6 +37,7 @@ __all__ = [
     "follows_better",
     "forgotten",
     "learn_gains",
+    "moving_commands",
     "replace_servo",
     "roll_delayed",
     "select_commanded",

@@ -761,6 +761,7 @@ class RolloutEntry(Entry):
     error: float | None = None
     error_file: float | None = None
     gains: dict[str, dict[str, float]] = {}
+    standing: tuple[str, ...] = ()
 
     def apply_gains(self, servo: Servo, joints: Sequence[str]) -> Servo:
         """Return servos with the gains that logs determined."""
@@ -1108,6 +1109,8 @@ class PositionPrediction(Result):
         The result that the second robot comes from; empty for the robot of a file.
     sides : (tuple of str, tuple of str)
         Paths of the fitted and of the held-out logs of that result.
+    standing : tuple of str
+        Joints whose commands stand in all fitted logs.
     """
 
     schema: ClassVar[str] = "identifiability/rollout/1"
@@ -1119,6 +1122,7 @@ class PositionPrediction(Result):
     unseen: bool = True
     origin: str = ""
     sides: tuple[Strings, Strings] = ((), ())
+    standing: Strings = ()
 
     @property
     def starts(self) -> tuple[float, ...]:
@@ -1237,6 +1241,7 @@ class PositionPrediction(Result):
             "error": error,
             "error_file": error_file,
             **({"gains": gains} if gains else {}),
+            **({"standing": list(self.standing)} if self.standing else {}),
         }
 
 
@@ -1273,7 +1278,21 @@ def move_fitted(
         runs = tuple(_move(robot, *pair, own, late) for pair in pairs.items())
     except RobotError:
         return None
-    return PositionPrediction(robot=robot, logs=own, runs=runs, unseen=bool(unseen))
+    standing = _list_standing(robot, fitted)
+    return PositionPrediction(
+        robot=robot, logs=own, runs=runs, unseen=bool(unseen), standing=standing
+    )
+
+
+def _list_standing(robot: Robot, fitted: Sequence[Log]) -> Strings:
+    """Return the joints whose commands stand in all fitted logs, if there are any logs."""
+    from identifiability.servos import moving_commands  # noqa: PLC0415 - MuJoCo
+
+    if not fitted:
+        return ()
+    # A joint that does not follow its command has no other that could stand.
+    moves = np.any([moving_commands(log) | log.is_unmeasured for log in fitted], axis=0)
+    return tuple(robot.joints[k] for k in np.flatnonzero(~moves))
 
 
 @checked

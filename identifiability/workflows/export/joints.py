@@ -13,6 +13,7 @@ from identifiability.foundation.quoting import for_terminal
 from identifiability.foundation.rounding import format_number, measured
 from identifiability.physical.rules import RULES
 from identifiability.robot import Robot
+from identifiability.workflows.predict import ResultEntry
 
 #: Words of a robot file for the numbers of a joint, and their kinds of parameters.
 WORDS = {"armature": "Ia", "damping": "Fv", "frictionloss": "Fc"}
@@ -42,6 +43,21 @@ def describe_joints(
         each.append(phrase("exported", "far", values=far))
     # Names with line ends would break the lines of a patch.
     return tuple(map(for_terminal, each))
+
+
+def keep_standing(robot: Robot, content: ResultEntry) -> tuple[ResultEntry, dict[str, float]]:
+    """Return the file's values for rotors and friction of joints whose commands stand in the logs.
+
+    Values that the logs determine all the same are not among them. The rows of the result, which
+    come first, say why the others are.
+    """
+    standing = content.rollout.standing if content.rollout else ()
+    names = {f"{joint}.{kind}" for joint in standing for kind in WORDS.values()}
+    names &= {r["name"] for r in content.parameters if r["verdict"] == Class.NOT_IDENTIFIABLE}
+    why = {"used_because": phrase("exported", "standing")}
+    rows = tuple(row | why if row["name"] in names else row for row in content.parameters)
+    kept = {name: robot.nominal.get(name, 0.0) for name in names}
+    return content.model_copy(update={"parameters": rows}), kept
 
 
 def _list_far(

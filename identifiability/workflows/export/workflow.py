@@ -72,7 +72,7 @@ from identifiability.workflows.predict import (
     state_missing,
 )
 
-from .joints import describe_joints, state_doubted
+from .joints import describe_joints, keep_standing, state_doubted
 from .snippet import write_snippet
 
 
@@ -367,6 +367,8 @@ def export(
     known = every_parameter(robot, content.physical.shapes)
     check_result(robot, Path(result), content, {*known, *robot.nominal})
     given |= _as_stated(robot, given)
+    content, kept = keep_standing(robot, content)
+    given |= kept
     said = note_change(result, content.robot, own)
     if wanted == "isaaclab":
         written = Written(write_isaaclab(robot, given, content, out))
