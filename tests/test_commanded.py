@@ -606,7 +606,10 @@ def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(
     done = export(robot, analyze(robot, log, quick=True), tmp_path / "arm.xml", force=True)
     assert "damping 0.6 (the file's, as the joint's command stands" in done.joints[1]
     assert Robot.load(done.robot).nominal["elbow.Fv"] == 0.6
-    _, elbow = FirstAnswer(robot, (), 6, 6, found).rows()
+    passed = replace(found, numbers={**found.numbers, "Ia": np.full(2, -3e-12)})
+    first = FirstAnswer(robot, (), 6, 6, passed)
+    assert "0 (bound)" in first.write_report(tmp_path / "page.html").read_text()
+    _, elbow = first.rows()
     assert elbow["Fc"] is None
     assert bool(elbow["kp"]) is stated
     if stated:

@@ -36,6 +36,8 @@ class FirstAnswer(Result):
     """
 
     schema: ClassVar[str] = "identifiability/first_answer/1"
+    #: Numbers that no real joint has below zero.
+    bounded: ClassVar[Strings] = ("Ia", "Fv", "Fc")
 
     robot: Robot
     logs: Strings
@@ -56,6 +58,8 @@ class FirstAnswer(Result):
         sd = np.sqrt(np.diag(found.covariance))[2 * len(self.robot.joints) :]
         log_kp_sd = np.where(is_fitted, sd, 0.0)
         columns = {kind: found.numbers[kind] for kind in STATED}
+        # Rounding passes a bound.
+        columns |= {kind: np.maximum(columns[kind], 0.0) for kind in self.bounded}
         columns |= {"kp_sd": log_kp_sd, "error": 1e3 * found.errors}
         assert self.robot.servo is not None
         stated = ~np.isnan(self.robot.servo.kp)

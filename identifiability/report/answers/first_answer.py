@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Table
+from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 
@@ -41,8 +41,13 @@ class FirstAnswerPresenter(Presenter):
         )
 
     def tables(self) -> tuple[Table, ...]:
-        """Return one row a joint."""
-        return (make_table("first_answer", self.result.rows()),)
+        """Return one row a joint, which says of zeros that a bound holds them."""
+        bound = Cell(sentence("first_answer", "bound"), 0.0)
+        rows = [
+            row | {kind: bound for kind in self.result.bounded if row[kind] == 0}
+            for row in self.result.rows()
+        ]
+        return (make_table("first_answer", rows),)
 
     def frame(self) -> pd.DataFrame:
         """Return one row a joint."""
