@@ -5,7 +5,6 @@ import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -25,8 +24,6 @@ from identifiability import (
     predict,
     prune,
 )
-from identifiability.effects.measurement import CommandDelay
-from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
@@ -52,7 +49,6 @@ from identifiability.servos import (
 from identifiability.servos.descent import BEGUN, descend
 from identifiability.servos.fit import divide_gains, leave_bounds
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows.analyze.workflow import say_delays
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))
@@ -78,7 +74,7 @@ def arm(tmp_path_factory):
 @pytest.fixture(scope="module")
 def frames(arm):
     rng = default_rng(3)
-    how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
+    how = servos.Recorder(delay=0.007)
     seconds = (8.0, 4.0)
     moves = [servos.draw_commands(arm, s, how.command_rate, 0.5, rng) for s in seconds]
     return [servos.record(arm, TRUTH, c, s, how, rng) for c, s in zip(moves, seconds, strict=True)]
@@ -198,7 +194,7 @@ FAULTS = [
 
 @pytest.mark.parametrize(("key", "spoilt", "factor", "most"), FAULTS)
 def test_irregular_commands_and_gains_all_too_high_are_said(arm, key, spoilt, factor, most):
-    rng, how = default_rng(6), servos.Recorder(100.0, 25.0, 0.006, 14, **spoilt)
+    rng, how = default_rng(6), servos.Recorder(100.0, 25.0, **spoilt)
     moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng)
     frame = servos.record(arm, TRUTH, moves, 8.0, how, rng)
     result = analyze(replace(arm, servo=arm.servo.divided(1 / factor)), frame, quick=True)
@@ -211,7 +207,7 @@ def test_irregular_commands_and_gains_all_too_high_are_said(arm, key, spoilt, fa
 def test_limits_tell_the_factor_of_gains_that_are_all_too_high(arm):
     limits = np.array([250.0, 80.0])
     servo = replace(arm.servo, low=-limits, high=limits)
-    rng, how = default_rng(6), servos.Recorder(100.0, 25.0, 0.006, 14)
+    rng, how = default_rng(6), servos.Recorder(100.0, 25.0)
     moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng)
     log = read(arm, servos.record(arm, TRUTH, moves, 8.0, how, rng, servo))
     robot = replace(arm, servo=servo.divided(1 / 1.4))
@@ -219,20 +215,12 @@ def test_limits_tell_the_factor_of_gains_that_are_all_too_high(arm):
     assert factor == pytest.approx(1.4, rel=0.05)  # 1.25 by bodies alone
 
 
-@pytest.mark.parametrize(("late", "said"), [(0.4e-3, False), (2e-3, True)])
-def test_commands_are_called_late_beyond_the_unknown_age_of_measurements(arm, late, said):
-    term = SimpleNamespace(group=SimpleNamespace(family=CommandDelay.name, place=EVERYWHERE))
-    values = {"value": np.full(2, late), "root": np.full((1, 2), 5e-5)}
-    effect = SimpleNamespace(term=term, weight=0.99, **values)
-    assert bool([*say_delays(arm, SimpleNamespace(shares=[effect]))]) == said
-
-
 ODD = (("play", 0.03), ("gain", -0.25), ("limit", 30.0), ("integral", 2.0), ("", 0.0))
 
 
 @pytest.mark.parametrize(("kind", "size"), ODD)
 def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(arm, kind, size):
-    rng, how = default_rng(6), servos.Recorder(200.0, 50.0, 0.006, 14)
+    rng, how = default_rng(6), servos.Recorder()
     moves, fault = servos.draw_commands(arm, 6.0, 50.0, 0.35, rng), servos.Fault(1, kind, size)
     own = arm.servo.having({"limit": np.array([0.0, size * (kind == "limit")])})
     own = replace(own, ki=size * own.kp * (kind == "integral"))
@@ -511,7 +499,7 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
 
 @pytest.mark.parametrize("late", [pytest.param(0.0, marks=pytest.mark.everything), 0.004])
 def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early(arm, late):
-    rng, how = default_rng(1), servos.Recorder(200.0, 50.0, 0.006, 12)
+    rng, how = default_rng(1), servos.Recorder(bits=12)
     moves = [servos.draw_commands(arm, 5.0, 50.0, 0.35, rng) for _ in range(2)]
     fault = servos.Fault(1, "late", late)
     fitted, unseen = (servos.record(arm, TRUTH, c, 5.0, how, rng, fault=fault) for c in moves)

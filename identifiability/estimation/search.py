@@ -30,6 +30,7 @@ from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
 
 from .evidence import LEVELS
 from .groups import NO_MISSING_EFFECTS, Excerpt, JointRows, Missing, MissingEffects, Share
@@ -606,7 +607,26 @@ def find_missing(
         return _conclude_known(Search(missing.under(known.noise)), known)
     judged = name_terms(Search(missing, None if unseen is None else Excerpt.of(unseen)))
     terms = tuple(_at_places(judged, k) for k in range(len(judged.terms)))
-    return _conclude(judged.search, _at_all(judged.search, terms))
+    found = _conclude(judged.search, _at_all(judged.search, terms))
+    named = found.shares[: len(found.named)]
+    # The age of measurements that nobody states is no effect that the model lacks.
+    kept = tuple(s.term for s in named if not is_unknown_age(s, structure.robot))
+    if len(kept) == len(named):
+        return found
+    return _conclude(judged.search, judged.search.model.update_terms(kept))
+
+
+def is_unknown_age(share: Share, robot: Robot) -> bool:
+    """Return whether commands only seem to act later by the age of measurements, if not stated.
+
+    Measurements that are older look like commands that act earlier.
+    """
+    if share.term.group.family != CommandDelay.name:
+        return False
+    assert robot.servo is not None
+    sd = np.linalg.norm(share.root, axis=0)
+    within = np.abs(share.value) <= robot.servo.unknown_lags[0] + 2.0 * sd
+    return bool(within.all())
 
 
 def _conclude_known(search: Search, known: MissingEffects) -> MissingEffects:

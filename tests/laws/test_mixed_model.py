@@ -27,8 +27,10 @@ from identifiability.estimation.noise import JointNoise, JointRuns, split_runs, 
 from identifiability.estimation.search import find_missing
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
+from identifiability.robot.servo import Servo
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.simulator import ar1
+from identifiability.workflows.analyze.workflow import say_delays
 
 N, FIXED, RANDOM = 60, 3, 5
 PACF, SIGMA = (np.array([0.6]), np.array([0.5, -0.3])), (0.7, 1.3)
@@ -308,6 +310,17 @@ def test_without_other_logs_the_last_part_of_the_only_one_must_have_what_is_name
     effect = "elbow", 3.0, CURVES["quadratic_friction"]
     named = find_missing(arm[2], drawn(arm, 3, 0.6, effect, until)).named
     assert ("quadratic_friction" in {t.group.family for t in named}) == (until == 1.0)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_commands_are_late_only_beyond_the_unknown_age_of_measurements(arm, late):
+    one = np.ones(2)
+    robot = replace(arm[0], servo=Servo(one, one, -one, one, rate=10.0))
+    structure = Structure.of(robot, arm[2].model)
+    effect = "elbow", 5 + 45 * late, lambda q, v, tau: np.gradient(tau)
+    log = drawn((robot, arm[1], structure), 3, 0.6, effect)
+    missing = find_missing(structure, log, commanded=True)
+    assert bool(missing.named) == bool([*say_delays(robot, missing)]) == late
 
 
 def test_weights_of_rows_multiply_products():

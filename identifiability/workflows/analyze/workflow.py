@@ -21,6 +21,7 @@ from identifiability.estimation.groups import MissingEffects
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.rules import RULES
+from identifiability.estimation.search import is_unknown_age
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
@@ -141,13 +142,11 @@ def say_delays(robot: Robot, missing: MissingEffects) -> Iterator[Finding]:
         group = effect.term.group
         if group.family != CommandDelay.name or 1 - effect.weight > effect.weight:
             continue
+        if is_unknown_age(effect, robot):
+            continue
         assert robot.servo is not None
         joints = robot.motor_joints if group.place == EVERYWHERE else (group.place,)
         sd = np.linalg.norm(effect.root, axis=0)
-        # Measurements that are older look like commands that act earlier.
-        unknown_age = robot.servo.unknown_lags[0]
-        if np.all(np.abs(effect.value) <= unknown_age + 2.0 * sd):
-            continue
         values = zip(joints, 1e3 * effect.value, 1e3 * sd, strict=False)
         each = [f"{joint} {late:+.2g} ± {error:.1g}" for joint, late, error in values]
         yield Finding("late_commands", each=each, stated=robot.servo.delay is not None)
