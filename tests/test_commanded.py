@@ -273,7 +273,7 @@ def test_a_search_leaves_friction_in_place_of_a_rotor(tmp_path):
 
 
 def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path):
-    rng, how = default_rng(5), servos.Recorder(100.0, delay=0.007, bits=14)
+    rng, how = default_rng(5), servos.Recorder(100.0, delay=0.007)
     own = replace(arm.servo, ki=2.0 * arm.servo.kp)
     moves = [servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng) for _ in range(2)]
     logs = [servos.record(arm, TRUTH, x, 8.0, how, rng, own) for x in moves]
@@ -403,7 +403,7 @@ def heavy(arm):
     """Return a log of a robot a fifth lighter than its file, its delay, and true parameters."""
     rng = default_rng(5)
     bodies = {f"{b}.{k}": 0.8 * arm.nominal[f"{b}.{k}"] for b in arm.bodies for k in INERTIAL_KINDS}
-    how = servos.Recorder(rate=100.0, delay=0.007, bits=14)
+    how = servos.Recorder(100.0, delay=0.007)
     moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
     log = read(arm, servos.record(arm, TRUTH | bodies, moves, 6.0, how, rng))
     return log, roll_delayed(CommandedRobot(arm, TRUTH | bodies), log)[0], {**TRUTH, **bodies}
@@ -647,7 +647,7 @@ def test_rests_tell_friction_from_an_offset(arm, frames, kind, effect):
     truth = {**TRUTH, "elbow.Fc": 0.3, "elbow.off": 0.3, f"elbow.{kind}": 6.0}
     steps = np.repeat([0.0, 0.2, 0.0, -0.2] * 2, 50)
     commands = arm.home + np.stack([0 * steps, steps], 1)
-    rng, how = default_rng(1), servos.Recorder(bits=14)
+    rng, how = default_rng(1), servos.Recorder()
     log = read(arm, servos.record(arm, truth, commands, 7.9, how, rng))
     machine = CommandedRobot(arm, {})
     said = state_standing(machine, [log])
@@ -719,7 +719,7 @@ def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, bare):
     servo = replace(arm.servo, low=np.array([-300.0, -60.0]), high=np.array([300.0, 60.0]))
     known = replace(Robot.load(bare), servo=servo)
     robot = replace(known, servo=servo.having({"kv": np.full(2, np.nan)}))
-    rng, how = default_rng(4), servos.Recorder(rate=100.0, delay=0.022, bits=14)
+    rng, how = default_rng(4), servos.Recorder(100.0, delay=0.022)
     moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
     log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng, servo))
     found = fit_rollouts(robot, [log], file_shares(robot))

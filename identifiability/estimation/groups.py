@@ -133,6 +133,12 @@ class Excerpt:
         """Norm of the measured torque of each joint, (n,) [N·m or N]."""
         return np.linalg.norm(self.raw * self.data, axis=0)
 
+    def leave_out(self, joints: np.ndarray) -> Excerpt:
+        """Return the same without the torque of some joints, (n,) bool."""
+        data = self.data & ~joints
+        runs = tuple(() if out else own for out, own in zip(joints, self.runs, strict=True))
+        return replace(self, data=data, runs=runs)
+
     def residual(self, values: Array) -> Array:
         """Return the torque minus that of some values of the model, (N, n) [N·m or N]."""
         return self.y - self.X @ values

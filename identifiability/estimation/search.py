@@ -6,7 +6,7 @@ only remove them. Left-out blocks of the fitted rows decide at which places each
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -586,6 +586,7 @@ def find_missing(
     commanded: bool = False,
     irregular: bool = False,
     known: MissingEffects | None = None,
+    play: Collection[str] = (),
 ) -> MissingEffects:
     """Return the effects that a model with all columns of a regression may lack.
 
@@ -594,26 +595,48 @@ def find_missing(
     of a joint is looked for: a lost command that is not detected acts like one.
 
     Effects that are `known` were found in the same rows. The model has got some of them since, and
-    lacks the others.
+    lacks the others. Joints with `play` show no other effects, nor do those that share a link with
+    them: the play is in their torque.
     """
     every = find_families(None, commanded=commanded)
     families = [f for f in every if not (irregular and f.name == CommandDelay.name)]
-    missing = Missing.of(regression, families, structure.present)
-    if commanded or structure.robot.base is not None:
+    whole = Missing.of(regression, families, structure.present)
+    robot = structure.robot
+    spoilt = _share_a_link(robot, play)
+    missing = replace(whole, seen=whole.seen.leave_out(spoilt))
+    if commanded or robot.base is not None:
         missing = missing.between_reversals()
     if not len(missing.seen.y) or not missing.groups:
         return NO_MISSING_EFFECTS
     if known is not None:
         return _conclude_known(Search(missing.under(known.noise)), known)
-    judged = name_terms(Search(missing, None if unseen is None else Excerpt.of(unseen)))
+    others = None if unseen is None else Excerpt.of(unseen).leave_out(spoilt)
+    found = _conclude_named(name_terms(Search(missing, others)), robot)
+    # The noise of joints that were left out is that of all their rows.
+    each = enumerate(zip(spoilt.tolist(), found.noise, strict=True))
+    noise = tuple(whole.noise_of(j) if out else own for j, (out, own) in each)
+    return replace(found, noise=noise)
+
+
+def _conclude_named(judged: Judged, robot: Robot) -> MissingEffects:
+    """Return the named effects but for unknown ages of measurements, which no model lacks."""
     terms = tuple(_at_places(judged, k) for k in range(len(judged.terms)))
     found = _conclude(judged.search, _at_all(judged.search, terms))
     named = found.shares[: len(found.named)]
-    # The age of measurements that nobody states is no effect that the model lacks.
-    kept = tuple(s.term for s in named if not is_unknown_age(s, structure.robot))
+    kept = tuple(s.term for s in named if not is_unknown_age(s, robot))
     if len(kept) == len(named):
         return found
     return _conclude(judged.search, judged.search.model.update_terms(kept))
+
+
+def _share_a_link(robot: Robot, joints: Collection[str]) -> np.ndarray:
+    """Return which joints are some joints, or share a link with one of them, (n,) bool."""
+    tree = robot.tree.joints
+    own = {k for k, joint in enumerate(tree) if not {*joints}.isdisjoint(joint.dofs)}
+    before = {tree[k].parent for k in own}
+    at = (j for k, j in enumerate(tree) if k in own | before or j.parent in own)
+    names = [name for joint in at for name in joint.dofs]
+    return np.isin(robot.joints, names)
 
 
 def is_unknown_age(share: Share, robot: Robot) -> bool:

@@ -313,7 +313,9 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
     stated = ", ".join(f"{joint} = {x:.4g}" for joint, x, _ in rows)
     said = {"key": kind, "fitted": listing(fitted, 12), "stated": stated}
     then = phrase("odd_joint", "off" if kind == "play" else "used", **said)
-    return Finding("odd_joint", what=" or ".join(what), share=100 * (1 - share), then=then)
+    play = joints if kind == "play" else []
+    about = {"what": " or ".join(what), "share": 100 * (1 - share), "then": then}
+    return Finding("odd_joint", **about, play=play)
 
 
 def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -> str:

@@ -212,6 +212,7 @@ class Data(OfStructure):
         commanded = bool(of_key(self.hints, "commands"))
         # Where commands were lost.
         irregular = bool(of_key(self.hints, "irregular"))
+        odd = of_key(self.hints, "odd_joint")
         return find_missing(
             self.structure,
             self.regression,
@@ -219,6 +220,7 @@ class Data(OfStructure):
             commanded=commanded,
             irregular=irregular,
             known=self.lacked,
+            play=[joint for x in odd for joint in x.numbers["play"]],
         )
 
     @cached_property

@@ -32,7 +32,7 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("arm")
     robot = load_arm(folder)
     rng = default_rng(3)
-    how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
+    how = servos.Recorder(delay=0.007)
     frames = []
     for seconds in (6.0, 3.0):
         commands = servos.draw_commands(robot, seconds, how.command_rate, 0.5, rng)

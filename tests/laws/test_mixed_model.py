@@ -305,11 +305,12 @@ def test_what_is_in_every_joint_is_named_as_that(arm):
     assert one_of([0.0]) == [0.5]  # or none is there
 
 
-@pytest.mark.parametrize("until", [1.0, 0.7])
-def test_without_other_logs_the_last_part_of_the_only_one_must_have_what_is_named(arm, until):
+@pytest.mark.parametrize(("until", "play"), [(1.0, ""), (0.7, ""), (1.0, "shoulder")])
+def test_what_the_last_part_lacks_or_play_is_beside_is_not_named(arm, until, play):
     effect = "elbow", 3.0, CURVES["quadratic_friction"]
-    named = find_missing(arm[2], drawn(arm, 3, 0.6, effect, until)).named
-    assert ("quadratic_friction" in {t.group.family for t in named}) == (until == 1.0)
+    named = find_missing(arm[2], drawn(arm, 3, 0.6, effect, until), play=[play]).named
+    found = "quadratic_friction" in {t.group.family for t in named}
+    assert found == (until == 1.0 and not play)
 
 
 @pytest.mark.parametrize("late", [False, True])
