@@ -3,7 +3,6 @@
 import re
 import tomllib
 
-import pandas as pd
 import pytest
 
 from identifiability import Case, IdentifiabilityError, Log, Robot, new_study
@@ -42,8 +41,7 @@ def test_a_robot_of_ones_own_gets_a_sidecar_and_a_template(tmp_path):
     made = new_study(tmp_path / "mine", own)
     loaded = Robot.load(made.folder / "arm.urdf")
     assert loaded.sidecar == made.folder / "arm.toml"
-    columns = pd.read_csv(made.folder / "template.csv").columns
-    assert list(columns[:3]) == ["t", "joint_1.q", "joint_1.tau"]
+    assert (made.folder / "template.csv").read_text().startswith("t,joint_1.q,joint_1.tau,")
     assert "template.csv" in made.statement
 
 
@@ -71,7 +69,6 @@ def test_logs_of_ones_own_are_named_where_they_are(tmp_path, monkeypatch):
     for name in logs:
         (tmp_path / name).write_bytes((shipped / "logs/run1.csv").read_bytes())
     made = new_study("mine", "arm.urdf", logs)
-    assert (made.fitted, made.held_back) == (("../monday.csv",), "../no_tool.csv")
     assert "no_tool.csv is held out" in made.statement
     assert not (made.folder / "template.csv").exists()
     case = Case.load(made.folder)

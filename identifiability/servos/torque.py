@@ -131,7 +131,8 @@ def set_aside_joints(log: Log) -> Log:
 
 def follows_command(command: Array, q: Array, most: int) -> bool:
     """Whether a position (N,) follows its command (N,) within some samples, in the same unit."""
-    size = float(command.std())
+    # The standard deviation of a constant is not zero by rounding, but that of zeros is.
+    size = float(np.std(command - command[0]))
     moved = float(q.std())
     # The command of a joint at rest gives no information.
     if min(size, max(moved, size) - RULES.small) <= 0.0:

@@ -89,6 +89,7 @@ def moving_commands(log: Log) -> np.ndarray:
     Joints that do not follow their command are not among them.
     """
     commands = [x for x in (log.q_ref, log.dq_ref, log.tau_ff) if x is not None]
-    sizes = [np.std(x, axis=0) for x in commands]
+    # The standard deviation of a constant is not zero by rounding, but that of zeros is.
+    sizes = [np.std(x - x[0], axis=0) for x in commands]
     noise = encoder_noise(log)
     return (np.max(sizes, axis=0) > noise) & ~log.is_unmeasured

@@ -274,6 +274,9 @@ def _describe_use(robot: Robot, log: Log, prepared: Dataset) -> dict[str, Array]
     found = {"speed": speed, "acceleration": acceleration}
     if of_commands(log) and (servo := robot.servo) is not None:
         found |= {"kp": servo.kp, "kv": servo.kv, "limit": servo.high}
+        commands = [joint_log(robot, window).q_ref for _, window in log.windows()]
+        ranges = [np.ptp(x, axis=0) for x in commands if x is not None]
+        found |= {"command_moves": np.any(ranges, axis=0)} if ranges else {}
     return found
 
 

@@ -153,16 +153,30 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
     if joints.room.notna().any():
         about = "inspection.least"
         rooms = _find_rooms(joints)
+        standing = _list_standing(joints)
+        if len(standing) < len(rooms):
+            rooms = rooms.drop(standing)
         joint = str(rooms.idxmin())
         room = float(rooms.min())
         still = [j for hint in of_key(result.hints, "still") for j in hint.numbers["joints"]]
         moving = "yes" if joints.room.notna().all() else "limited"
+        if standing:
+            moving = "most"
         # Angles that were converted from degrees twice cover at most one degree per radian.
         if room < math.radians(1.0):
             moving = "little"
         part = "no" if still else moving
         over = _state_over(result)
-        yield answer(about, part, still=still, joint=joint, room=room, over=over)
+        found: dict[str, Any] = {"joint": joint, "room": room, "standing": standing}
+        yield answer(about, part, still=still, over=over, **found)
+
+
+def _list_standing(joints: pd.DataFrame) -> list[str]:
+    """Return the joints whose commands stand in all logs; none of logs without commands."""
+    if "command_moves" not in joints:
+        return []
+    moves = joints.groupby("joint", sort=False).command_moves.any()
+    return [str(joint) for joint in moves.index[~moves]]
 
 
 def _find_rooms(joints: pd.DataFrame) -> pd.Series[float]:
