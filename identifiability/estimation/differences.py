@@ -30,6 +30,7 @@ from .mixed_model import Group, MixedModel, Term, Terms
 from .noise import THIN
 
 #: Standard deviation of friction in a log, relative to it: it differs by 3 % between two logs.
+#: A robot is not quite rigid either: it errs by as large a share of the torque of a load.
 DRIFT: Tolerance = 0.021
 #: Sizes that a change may have, relative to the torque of its joint.
 CHANGES = np.geomspace(0.01, 1.0, 20)
@@ -150,16 +151,36 @@ class Compared(Excerpt):
     ----------
     torque : (N, n) [N·m or N]
         Torque that a gain scales.
+    load : (N, n) [N·m or N]
+        Its part by loads that only some logs have; zero while none is known.
     """
 
     torque: Array
+    load: Array
 
     @staticmethod
-    def about(seen: Excerpt, known: Known) -> Compared:
-        """Return rows minus the torque of known parameters."""
+    def about(
+        seen: Excerpt, known: Known, names: Sequence[str], load: Array | None = None
+    ) -> Compared:
+        """Return rows minus the torque of known parameters.
+
+        Parameters
+        ----------
+        seen : Excerpt
+        known : Known
+        names : sequence of (b,) str
+            Of the base parameters.
+        load : (N, n), optional [N·m or N]
+            Torque of loads. Gains and scales act on it, too.
+        """
         torque = seen.X @ known.base
-        own = {**vars(seen), "X": seen.X @ known.directions, "y": seen.y - torque}
-        return Compared(**own, torque=torque)
+        load = np.zeros_like(torque) if load is None else load
+        columns = seen.X.copy()
+        for j, joint in enumerate(seen.robot.joints):
+            if f"{joint}.scale" in names:
+                columns[:, j, names.index(f"{joint}.scale")] += load[:, j]
+        own = {**vars(seen), "X": columns @ known.directions, "y": seen.y - torque}
+        return Compared(**own, torque=torque + load, load=load)
 
     @cached_property
     def centre(self) -> Array:
@@ -283,7 +304,9 @@ class Differences:
         logs = np.eye(len(patterns[0]))
         may = [Differing.of(c, w, str(k)) for k, w in enumerate(patterns) for c in changes]
         rubs = [c for c in may[: len(changes)] if c.kind == "friction"]
-        drifts = [Differing.of(c, log, "drift") for c in rubs for log in logs]  # a nuisance
+        # A nuisance: friction drifts, and beside a load all errors of the robot look like changes.
+        small = [c for c in may[: len(changes)] if c.kind != "load"] if seen.load.any() else rubs
+        drifts = [Differing.of(c, log, "drift") for c in small for log in logs]
         may += [Differing.of(c, np.ones(len(logs)), WARM) for c in rubs if warms]
         always = [Differing.of(c, np.ones(len(logs))) for c in lacks]
         weigh = [Differing.of(c, patterns[0], WEIGHS) for c in weights]
@@ -394,8 +417,7 @@ class Differences:
         sizes = np.linalg.norm(self.scale[:, None] * self.always, axis=0) / (100 * UNTOLD)
         if self.expected is not None:
             sizes = 1.0 / self.expected
-        levels = np.abs(self.levels(self.known.base)[:drifts])
-        drift = DRIFT * np.maximum(levels, ROUNDOFF)
+        drift = DRIFT * np.maximum(self._drifting[:drifts], ROUNDOFF)
         precision = np.concatenate([self.known.precision, sizes**2, drift**-2])
         fixed = len(precision)
         every = np.arange(fixed)
@@ -405,6 +427,18 @@ class Differences:
         scale = np.concatenate([length[: fixed - drifts], self.scale])
         prior = np.diag(precision + none)
         return MixedModel(own, fixed, self.groups, scale, prior, np.zeros(fixed), CHANGES)
+
+    @cached_property
+    def _drifting(self) -> Array:
+        """Friction of columns, or the value with which they feel as a load in their logs, (C,)."""
+        seen = cast("Compared", self.missing.seen)
+        friction = [c.kind == "friction" for c, *_ in self.columns]
+        levels = np.abs(self.levels(self.known.base)) * friction
+        squares = np.zeros((2, len(levels)))
+        for (j, k), x in self.missing.entries.items():
+            if self.columns[k][0].place == seen.robot.joints[j]:
+                squares[:, k] = np.sum(seen.load[x != 0, j] ** 2), np.sum(x**2)
+        return np.maximum(levels, np.sqrt(squares[0] / or_one(squares[1])))
 
     def solve(self, terms: Terms = ()) -> tuple[Array, Array]:
         """Return values of the fixed columns and of terms in their order, and the covariance."""

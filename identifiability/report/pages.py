@@ -143,8 +143,8 @@ def comparison_moving(result: Comparison) -> Moving | None:
 def _place_load(result: Comparison) -> Point | None:
     """Return the centre of a load that changed, if that is the surest change."""
     for change in result.changes[:1]:
-        centre, _ = change.centre
-        if np.isfinite(centre).all():
+        centre, sd = change.centre
+        if np.isfinite([centre, sd]).all():
             links = dict(zip(result.robot.bodies, result.robot.links, strict=True))
             return Point(links[change.place].last, centre)
     return None

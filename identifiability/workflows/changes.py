@@ -24,7 +24,7 @@ from identifiability.estimation.mixed_model import (
     Terms,
     without,
 )
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import presented
@@ -218,7 +218,7 @@ class Change:
     sizes, sd : (q,)
         Of these, given all other changes, and their standard errors.
     covariance : (q, q)
-        Of the sizes.
+        Of the sizes; infinite variances of numbers of a load that the motion does not show.
     share, share_sd : float
         Change relative to its torque before; NaN where that is not known.
     felt : FeltTorque
@@ -306,8 +306,10 @@ class Change:
         mass, *first = self.sizes[: len(WEIGHT)]
         centre = np.array(first) / mass
         slopes = np.column_stack([-centre, np.eye(3)]) / mass
-        known = self.covariance[: len(WEIGHT), : len(WEIGHT)]
-        return centre, np.sqrt(np.diag(slopes @ known @ slopes.T))
+        sd = self.sd[: len(WEIGHT)]
+        known = np.nan_to_num(self.covariance, posinf=0.0)[: len(WEIGHT), : len(WEIGHT)]
+        spread = np.sqrt(np.diag(slopes @ known @ slopes.T))
+        return centre, np.where(np.isfinite(sd[1:]), spread, np.inf)
 
     @property
     def sure(self) -> bool:
@@ -519,6 +521,10 @@ def _measure_change(
         title = first.title if len(families) == 1 else first.kind
         duration = longest if first.pattern == WARM else np.nan
         odds = max(terms[k].odds for k in which)
+        if first.kind == "load":  # where the prior alone gives a size, it is not known
+            prior = np.sqrt(terms[which[0]].variance) / found.scale[own]
+            learned = np.sqrt(np.diag(spread)) <= (1 - Thresholds().contraction) * prior
+            spread = spread + np.diag(np.where(learned, 0.0, np.inf))
         return Change(
             kind=first.kind if first.pattern else "missing",
             family=first.family.name,

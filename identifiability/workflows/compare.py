@@ -258,8 +258,7 @@ def compare(
         every = unchanged.unseen.followed_by(unchanged.regression)
         sides = Sides(len(unchanged.validation), every)
         submodel = build_ladder(source.entry, unchanged.structure)[0]
-        found = find_changes(sides, unchanged.structure, submodel)
-        terms = found.model.search()
+        found, terms = find_changes(sides, unchanged.structure, submodel)
         changes = list_log_changes(found, terms, sides.names)
         hints = (*_check_reading(case, unchanged, found.known.base, run), *unchanged.hints)
         torque = DifferentTorque.of(found, terms, len(unchanged.validation))

@@ -111,6 +111,7 @@ def find_differences(
     *,
     warms: bool = False,
     weights: Sequence[Candidate] = (),
+    load: Array | None = None,
 ) -> Differences:
     """Return the possible differences between logs.
 
@@ -128,6 +129,8 @@ def find_differences(
         Whether friction may also change within every log.
     weights : sequence of Candidate
         Weights of loads without their inertia.
+    load : (N, n), optional [N·m or N]
+        Torque of loads that the logs carry: gains and scales act on it, too.
     """
     stated = dict(zip(structure.base.names, known.base.tolist(), strict=True))
     # A load hangs from the base as it stands, and the model may have found that this is tilted.
@@ -139,7 +142,7 @@ def find_differences(
     base = [0.0 if name.endswith(".scale") else x for name, x in stated.items()]
     known = replace(known, base=np.array(base))
     read = replace(seen, robot=robot, y=seen.y / gain, raw=seen.raw / gain)
-    rows = Compared.about(read, known)
+    rows = Compared.about(read, known, structure.base.names, load)
     return Differences.of(
         rows,
         list_changes(robot, bodies),
@@ -173,13 +176,39 @@ def list_sessions(logs: int, later: int) -> list[Array]:
     return [*list_patterns(logs, later, logs), *since]
 
 
-def find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:
-    """Return possible changes between the sides or in single logs, under a model."""
+def find_changes(
+    sides: Sides, structure: Structure, submodel: Submodel
+) -> tuple[Differences, Terms]:
+    """Return possible changes between the sides or in single logs, under a model, and those found.
+
+    A wrong gain scales the torque of a load as well, and the load is known after a first search
+    only. Without it a wrong gain of one joint would change the load, and name a gain of another.
+    """
     seen, values = sides.fit_unchanged(submodel)
     known = Known.nothing(submodel.M, values)
     bodies = tool_bodies(structure.robot)
     patterns = list_sessions(len(sides.samples), sides.count)
-    return find_differences(structure, seen, bodies, known, patterns, warms=True)
+    given = structure, seen, bodies, known, patterns
+    found = find_differences(*given, warms=True)
+    terms = found.model.search()
+    load = _torque_of_loads(found, terms)
+    if load.any():
+        found = find_differences(*given, warms=True, load=load)
+        terms = found.model.search()
+    return found, terms
+
+
+def _torque_of_loads(found: Differences, terms: Terms) -> Array:
+    """Return the torque of the loads among terms, (N, n) [N·m or N]."""
+    value = found.solve(terms)[0]
+    sizes = np.zeros(len(found.columns))
+    for k, term in enumerate(terms):
+        if found.whose(term).kind == "load":
+            sizes[found.at(term)] = value[rows_of(found.model, terms, k)]
+    torque = np.zeros_like(found.missing.seen.y)
+    for (joint, column), x in found.missing.entries.items():
+        torque[:, joint] += sizes[column] * x
+    return torque
 
 
 def report_loads(
@@ -239,10 +268,9 @@ def find_loads(data: Data, submodel: Submodel) -> list[Change]:
     try:
         if not _may_explain_most(sides, data.structure, submodel):
             return []
-        found = find_changes(sides, data.structure, submodel)
+        found, terms = find_changes(sides, data.structure, submodel)
     except LogError:  # too few samples to compare
         return []
-    terms = found.model.search()
     changes = list_log_changes(found, terms, sides.names)
     fitted = sides.names[sides.count :]
     loads = [c for c in changes if c.kind == "load" and c.log not in fitted]
@@ -298,14 +326,7 @@ def _explains_most(found: Differences, terms: Terms, count: int) -> bool:
         How many logs the first side has.
     """
     seen = found.missing.seen
-    value = found.solve(terms)[0]
-    sizes = np.zeros(len(found.columns))
-    for k, term in enumerate(terms):
-        if found.whose(term).kind == "load":
-            sizes[found.at(term)] = value[rows_of(found.model, terms, k)]
-    torque = np.zeros_like(seen.y)
-    for (joint, column), x in found.missing.entries.items():
-        torque[:, joint] += sizes[column] * x
+    torque = _torque_of_loads(found, terms)
     rows = seen.data & (seen.log < count)[:, None]
     error = np.sum(seen.y[rows] ** 2)
     remaining = np.sum((seen.y - torque)[rows] ** 2)

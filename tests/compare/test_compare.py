@@ -63,7 +63,6 @@ def test_friction_that_rose_is_named_with_its_size(name, joint, motion):
     assert said(found) == {("friction", joint)}
     (change,) = found.changes
     assert abs(change.share - 0.2) < 3 * change.share_sd
-    assert found.answer.startswith(f"Friction of {joint} rose by ")
     assert not change.alternatives  # neither all joints, nor the same joint again
     for row, sd in zip(found.tables()[0].rows[1:], change.sd, strict=False):
         true = campaign(name).robot.nominal[row[0].text]
@@ -84,30 +83,34 @@ def test_torque_that_all_logs_have_is_no_part_of_a_change():
     assert not found.torque.explained[:, 1].any()
 
 
-def test_a_gain_that_rose_is_named_with_its_size():
-    before = logs(PLANAR, 0)[0]
-    after = logs(PLANAR, 30)[1]
-    (change,) = compare(PLANAR, before, replace(after, tau=after.tau * [1, 1.15])).changes
-    assert (change.kind, change.place) == ("gain", "elbow")
-    assert change.share == pytest.approx(0.15, abs=3 * change.share_sd)
-
-
-def test_a_load_hangs_on_the_open_end_and_is_as_sure_as_gains_that_drift():
-    robot = Robot.load("palletizer")
-    moves = (PrescribedMotion.of(shipped_trajectory(robot, m), 600) for m in "ab")
-    first, second = (
-        simulate(r, move, noise=Noise(additive=0.02))
-        for r, move in zip((robot, robot.with_payload(mass=20.0)), moves, strict=True)
+@pytest.mark.parametrize(
+    ("name", "mass", "gains", "named"),
+    [
+        ("palletizer", 20.0, default_rng(4).normal(1.0, 0.02, 4), {("load", "tool")}),
+        ("six-dof-arm", 3.0, [1, 1.03, 1, 1, 1, 1], {("load", "link_6"), ("gain", "joint_2")}),
+    ],
+)
+def test_a_load_is_as_sure_as_gains_that_drift_and_links_that_bend(name, mass, gains, named):
+    robot = Robot.load(name)
+    heavy = robot.with_payload(mass=mass, centre=(0.03, 0.02, 0.05))
+    moves = (PrescribedMotion.of(shipped_trajectory(robot, m), 600) for m in "abb")
+    robots = robot, heavy, robot
+    first, second, bare = (
+        simulate(r, move, noise=Noise(additive=0.02)) for r, move in zip(robots, moves, strict=True)
     )
-    drift = default_rng(4).normal(1.0, 0.02, 4)
-    found = compare(robot, first, replace(second, tau=second.tau * drift))
-    ((load,), (least,)) = found.changes, [x.least for x in found.limits if x.kind == "load"]
+    feels = second.tau - bare.tau
+    bent = second.tau + 0.02 * feels**2 / feels.std(0)
+    found = compare(robot, first, replace(second, tau=bent * gains))
+    assert said(found) == named
+    load, *rose = found.changes
+    assert all(abs(c.share - 0.03) < 3 * c.share_sd for c in rose)
+    least = next(x.least for x in found.limits if x.kind == "load")
     assert load.sd[0] < least < load.sizes[0]
-    assert (load.kind, load.place) == ("load", "tool")
-    assert abs(load.sizes[0] - 20.0) < 3 * load.sd[0]
-    assert load.sd[0] < 2
-    rubs = robot.nominal[f"{robot.joints[0]}.Fc"] * np.sign(second.dq[:, :1]) * np.eye(4)[0]
-    found = compare(robot, first, replace(second, tau=second.tau + rubs))
+    assert abs(load.sizes[0] - mass) < 3 * load.sd[0]
+    # A tool that stays level does not show the height of its centre.
+    assert np.isinf(load.centre[1]).tolist() == [False, False, name == "palletizer"]
+    bent[:, 0] += robot.nominal[f"{robot.joints[0]}.Fc"] * np.sign(second.dq[:, 0])
+    found = compare(robot, first, replace(second, tau=bent))
     assert "changed as the load did" in found.details
 
 
@@ -130,16 +133,8 @@ def test_friction_that_fell_and_an_offset_are_told_apart():
     assert said(found) == {("friction", "elbow"), ("offset", "shoulder")}
     (fell,) = (c for c in found.changes if c.kind == "friction")
     assert abs(fell.share + 0.3) < 3 * fell.share_sd
-    assert "riction of elbow fell by " in found.answer
     row = found.to_frame().set_index("what").loc["torque offset of shoulder"]
-    assert row["low"] < 0.6 < row["high"]
-
-
-def test_the_same_motion_cancels_what_the_model_leaves_out():
-    move = campaign(PLANAR).move
-    wrong = 0.5 * np.sin(6 * move.q)
-    first, second = (logs(PLANAR, s, extra=wrong) for s in (8, 9))
-    assert not compare(PLANAR, first[0], second[0]).changes
+    assert row.low < 0.6 < row.high
 
 
 def test_of_three_logs_it_is_said_which_is_odd():
@@ -153,7 +148,6 @@ def test_of_three_logs_it_is_said_which_is_odd():
         (change,) = found.changes
         assert change.log == "odd"
         assert abs(change.share - 0.5) < 3 * change.share_sd
-        assert " in odd" in found.answer
 
 
 @pytest.mark.parametrize(("times", "least", "most"), [(1.1, 5, 6), (0.5, 0, 2)])
@@ -206,17 +200,19 @@ def test_the_command_answers_first_and_writes_what_was_asked(succeeds, tmp_path)
     data = tmp_path / "c.json"
     out = succeeds("compare", PLANAR, first, second, "--report", page, "--json", data)
     assert out.stdout.startswith("What changed? Friction of elbow rose by ")
-    content = json.loads(data.read_text())
-    assert {c["what"] for c in content["changes"]} == {"friction of elbow"}
-    assert "Friction of elbow rose by " in page.read_text("utf-8")
+    changes = json.loads(data.read_text())["changes"]
+    assert [c["what"] for c in changes] == ["friction of elbow"]
+    assert "Friction of elbow rose" in page.read_text("utf-8")
 
 
-def test_friction_of_passive_joints_is_no_change():
-    own = campaign("five-bar")
+@pytest.mark.parametrize(("name", "motion"), [(PLANAR, 0), ("five-bar", 1)])
+def test_what_the_same_motion_cancels_and_passive_joints_are_no_change(name, motion):
+    own = campaign(name)
     passive = {f"{joint}.Fc": 0.3 for joint in own.robot.passive}
-    rubs = joint_torque(own.robot, own.move, own.rigid, passive)
-    first, second = (logs("five-bar", seed, extra=rubs) for seed in (8, 9))
-    assert not compare("five-bar", first[0], second[1]).changes
+    wrong = (name == PLANAR) * 0.5 * np.sin(6 * own.move.q)
+    lacks = wrong + joint_torque(own.robot, own.move, own.rigid, passive)
+    first, second = (logs(name, seed, extra=lacks) for seed in (8, 9))
+    assert not compare(name, first[0], second[motion]).changes
 
 
 def test_a_motor_and_its_joint_share_the_change_that_their_sum_shows(tmp_path):

@@ -323,7 +323,8 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
 def _centre_rows(change: Change) -> Iterator[tuple[str, str, str, str]]:
     """Yield the name and the coordinates of the centre of a load that changed, as its change."""
     for axis, x, sd in zip("xyz", *change.centre, strict=True):
-        at = measured(1e3 * x, 1e3 * sd, "mm")
+        unknown = sentence("comparison.seen", "unknown")
+        at = measured(1e3 * x, 1e3 * sd, "mm") if np.isfinite(sd) else unknown
         yield f"{change.place} load centre {axis}", "", "", at
 
 
