@@ -308,8 +308,8 @@ class Change:
         slopes = np.column_stack([-centre, np.eye(3)]) / mass
         sd = self.sd[: len(WEIGHT)]
         known = np.nan_to_num(self.covariance, posinf=0.0)[: len(WEIGHT), : len(WEIGHT)]
-        spread = np.sqrt(np.diag(slopes @ known @ slopes.T))
-        return centre, np.where(np.isfinite(sd[1:]), spread, np.inf)
+        variance = np.where(np.isfinite(sd[1:]), np.diag(slopes @ known @ slopes.T), np.inf)
+        return centre, np.sqrt(variance)
 
     @property
     def sure(self) -> bool:
