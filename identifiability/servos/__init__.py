@@ -22,12 +22,13 @@ from .positions import forgotten
 from .rollouts import Rollouts
 from .standing import state_standing
 from .torque import compute_torque, replace_servo, servo_log
-from .windows import moving_commands
+from .windows import changing_commands
 
 __all__ = [
     "FirstAnswer",
     "Rollouts",
     "calibrate_torque",
+    "changing_commands",
     "compute_torque",
     "delay_commands",
     "file_shares",
@@ -37,7 +38,6 @@ __all__ = [
     "follows_better",
     "forgotten",
     "learn_gains",
-    "moving_commands",
     "replace_servo",
     "roll_delayed",
     "select_commanded",

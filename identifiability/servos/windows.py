@@ -84,12 +84,14 @@ def thin_windows(windows: Sequence[Window]) -> list[Window]:
 
 
 def moving_commands(log: Log) -> np.ndarray:
-    """Return which joints have a command that moves by more than the noise of positions, (n,) bool.
+    """Return which joints follow a command that moves, (n,) bool."""
+    return changing_commands(log) & ~log.is_unmeasured
 
-    Joints that do not follow their command are not among them.
-    """
+
+def changing_commands(log: Log) -> np.ndarray:
+    """Return which commands move by more than the noise of positions, (n,) bool."""
     commands = [x for x in (log.q_ref, log.dq_ref, log.tau_ff) if x is not None]
     # The standard deviation of a constant is not zero by rounding, but that of zeros is.
     sizes = [np.std(x - x[0], axis=0) for x in commands]
     noise = encoder_noise(log)
-    return (np.max(sizes, axis=0) > noise) & ~log.is_unmeasured
+    return np.asarray(np.max(sizes, axis=0) > noise)

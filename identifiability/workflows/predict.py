@@ -1286,12 +1286,11 @@ def move_fitted(
 
 def _list_standing(robot: Robot, fitted: Sequence[Log]) -> Strings:
     """Return the joints whose commands stand in all fitted logs, if there are any logs."""
-    from identifiability.servos import moving_commands  # noqa: PLC0415 - MuJoCo
+    from identifiability.servos import changing_commands  # noqa: PLC0415 - MuJoCo
 
     if not fitted:
         return ()
-    # A joint that does not follow its command has no other that could stand.
-    moves = np.any([moving_commands(log) | log.is_unmeasured for log in fitted], axis=0)
+    moves = np.any([changing_commands(log) for log in fitted], axis=0)
     return tuple(robot.joints[k] for k in np.flatnonzero(~moves))
 
 

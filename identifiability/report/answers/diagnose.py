@@ -195,7 +195,8 @@ class DiagnosisPresenter(PredictingPresenter):
             name = name_place(most.name, most.place)
             sure = state_probability(most.after)
             part, weak = _choose_reason(result, most)
-            holes = {"verified": result.verified_on, "motion": advise_motion([most.name])}
+            holes: dict[str, Any] = {"verified": result.verified_on}
+            holes["motion"] = advise_motion([most.name])
             holes |= {"gain": weak.unseen, "needed": weak.needed}
             parts.append(sentence(about, part, name=name, probability=sure, **holes))
         parts.append(sentence(about, "looks", looks=_state_looks(result)))
@@ -446,7 +447,7 @@ def _answer_gap(d: Diagnosis) -> Answer:
     if len(reduction) < every:
         text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
     tone = "green" if d.interval[1] < 0 else "amber"
-    errors = {"before": d.held_before, "after": d.held_after}
+    errors: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     told = answer(about, "falls", text, tone, interval=interval, **errors)
     return replace(told, more=_state_motion(d))
 

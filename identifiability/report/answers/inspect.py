@@ -102,7 +102,7 @@ def _state_over(result: Inspection) -> str:
 def _join_logs(frame: pd.DataFrame) -> pd.DataFrame:
     """Return one row a joint: its range over all logs, and its largest other numbers."""
     lowest = dict.fromkeys(("low", "torque_low"), "min")
-    how = {name: lowest.get(name, "max") for name in frame if name != "joint"}
+    how = {str(name): lowest.get(str(name), "max") for name in frame if name != "joint"}
     joints = frame.groupby("joint", sort=False).agg(how)
     return joints.assign(room=_find_rooms(frame)).reset_index()
 
