@@ -421,7 +421,8 @@ def tune(problem: Problem, fit: Fit, band: float) -> Fit:
         if not silent.any():
             break
         joint = fit.springs.joints[int(np.argmax(silent))]
-        fit = replace(fit, springs=fit.springs.without(joint))
+        springs = fit.springs.without(joint)
+        fit = replace(fit, springs=springs)
     return fit
 
 

@@ -567,12 +567,13 @@ def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:
         rms_speed = float(np.sqrt(np.mean(v**2)))
         largest_speed = float(np.abs(v).max()) or 1.0
         farthest = float(np.abs(q - home).max()) or 1.0
+        high = float(q.max())
         spans[axis.name] = Span(
             joint=axis.name,
             position_range=float(np.ptp(q)) or 1.0,
             rms_speed=rms_speed or 1.0,
             low=float(q.min()),
-            high=float(q.max()),
+            high=high,
             largest_speed=largest_speed,
             farthest=farthest,
             robot=robot,

@@ -242,7 +242,8 @@ def narrow(
         f"of unseen blocks well, with an error of {percent(chosen.error, 2)} instead of "
         f"{percent(trials[0].error, 2)}"
     )
-    return replace(tuned, band=replace(tuned.band, reason=reason))
+    band = replace(tuned.band, reason=reason)
+    return replace(tuned, band=band)
 
 
 def advise(
@@ -254,7 +255,8 @@ def advise(
     cutoff = max(how.cutoff, how.outputs or 0.0)
     given = try_cutoff(structure, windows, cutoff, how.outputs or cutoff)
     advice = BandAdvice(chosen.cutoff, chosen.band, chosen.error, given.error)
-    return replace(how, band=replace(how.band, advice=advice))
+    band = replace(how.band, advice=advice)
+    return replace(how, band=band)
 
 
 def choose_trial(trials: Sequence[CutoffTrial]) -> CutoffTrial:

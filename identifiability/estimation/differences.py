@@ -82,7 +82,8 @@ class Known:
     @staticmethod
     def nothing(M: Array, base: Array) -> Known:
         """Return values without a prior."""
-        return Known(base=base, directions=M, precision=np.zeros(M.shape[1]))
+        precision = np.zeros(M.shape[1])
+        return Known(base=base, directions=M, precision=precision)
 
 
 @frozen

@@ -94,7 +94,8 @@ class MotionChoice:
         """Return why a series is used, and the setting that keeps the measured motion."""
         measured, series = self.trials
         errors = {"series": series.error, "measured": measured.error}
-        return Finding("motion", what=phrase("motion", self.record), other=other, **errors)
+        what = phrase("motion", self.record)
+        return Finding("motion", what=what, other=other, **errors)
 
 
 def read_records(

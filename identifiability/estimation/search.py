@@ -269,7 +269,8 @@ def _find_terms(search: Search) -> tuple[Search, Terms]:
         kept = _search_terms(search)
     named = [t for t in kept if not _family(search.missing, t).unnamed]
     if named:  # their torque is no noise
-        search = replace(search, missing=search.missing.beside(named))
+        missing = search.missing.beside(named)
+        search = replace(search, missing=missing)
         kept = _search_terms(search)
     return search, kept
 
@@ -374,7 +375,8 @@ def _at_some(search: Search, term: Term, places: Iterable[str]) -> Term:
     own = (c for some in search.missing.sets[term.key] for c in some if c.place in places)
     columns = np.array([k for c in own for k in c.columns]) + search.missing.fixed
     members = tuple(at[np.isin(at, columns)] for at in term.group.members)
-    some = replace(term, group=replace(term.group, members=members))
+    group = replace(term.group, members=members)
+    some = replace(term, group=group)
     return some if all(map(len, members)) else term
 
 

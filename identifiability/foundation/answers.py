@@ -169,7 +169,8 @@ class Table:
         """Return the table without the columns of some titles."""
         shown = [k for k, column in enumerate(self.columns) if column.title not in titles]
         rows = tuple(tuple(row[k] for k in shown) for row in self.rows)
-        return replace(self, columns=tuple(self.columns[k] for k in shown), rows=rows)
+        columns = tuple(self.columns[k] for k in shown)
+        return replace(self, columns=columns, rows=rows)
 
     def text(self, width: int = 80) -> str:
         """Return the table as text without detail columns; columns that do not fit are left out.
@@ -178,7 +179,8 @@ class Table:
         """
         own = self.brief()
         cells = [[shorten(cell.text, width // 3) for cell in row] for row in own.rows]
-        frame = pd.DataFrame(cells, columns=[column.title for column in own.columns])
+        columns = [column.title for column in own.columns]
+        frame = pd.DataFrame(cells, columns=columns)
         shown = own._fitting_columns(cells, width)
         left_out = len(own.columns) - len(shown)
         caption = fill(self.caption, width)

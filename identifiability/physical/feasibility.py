@@ -239,7 +239,8 @@ def _follow_folds(
     paths = list[Iterator[tuple[Array, Array]]]()
     for row in folds.train:
         rest = model.whole.take(row)
-        part = replace(model, whole=rest, information=model.submodel.reduce(rest))
+        information = model.submodel.reduce(rest)
+        part = replace(model, whole=rest, information=information)
         path = projection.follow(_believe(part, weights[-1]), [*heavier, *weights])
         paths.append(islice(path, len(heavier), None))
     return paths

@@ -550,7 +550,8 @@ class FittedModel:
         Parameters that are fixed on their own need no sign.
         """
         region = physical_set(self.structure)
-        return replace(region, nonnegative=region.nonnegative & ~self.fixed.parameters)
+        nonnegative = region.nonnegative & ~self.fixed.parameters
+        return replace(region, nonnegative=nonnegative)
 
     @cached_property
     def left_out(self) -> tuple[Array, Array]:

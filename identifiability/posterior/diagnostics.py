@@ -54,7 +54,8 @@ def log_distances(region: PhysicalSet, phi: Array) -> Array:
     pseudo = square.reshape(*square.shape[:-1], len(matrices), 4, 4)
     inside = np.linalg.det(pseudo)
     distance = np.concatenate([rows, inside], axis=-1)
-    mean = distance.mean(axis=tuple(range(distance.ndim - 1)))
+    axis = tuple(range(distance.ndim - 1))
+    mean = distance.mean(axis=axis)
     return np.log(np.maximum(distance, np.maximum(ROUNDOFF * mean, 1e-300)))
 
 

@@ -210,7 +210,8 @@ def unwrap_log(log: Log) -> tuple[Log, list[Finding]]:
 def _undo(log: Log, origin: int, found: Sequence[Wraps | None]) -> Log:
     pairs = zip(found, log.q.T, strict=True)
     columns = [x if w is None else w.undo(x, origin) for w, x in pairs]
-    return replace(log, q=np.stack(columns, 1))
+    q = np.stack(columns, 1)
+    return replace(log, q=q)
 
 
 @mend_each("spikes")

@@ -89,7 +89,8 @@ def turn_columns(structure: Structure, samples: tuple[Dataset, ...], gravity: Ar
     gravity : (3,)
         Direction of gravity, in the world of the robot file.
     """
-    turned = replace(structure, robot=structure.robot.turned(gravity))
+    robot = structure.robot.turned(gravity)
+    turned = replace(structure, robot=robot)
     return Excerpt.of(turned.regression(samples), excerpt_size(structure)).X
 
 

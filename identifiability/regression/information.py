@@ -111,7 +111,8 @@ class ActuatorBlocks:
     def weigh(self, weights: Array) -> ActuatorBlocks:
         """Return the blocks with weights (B,) of their squares."""
         root = np.sqrt(weights)[:, None]
-        return replace(self, blocks=root[:, :, None] * self.blocks, sums=root * self.sums)
+        blocks = root[:, :, None] * self.blocks
+        return replace(self, blocks=blocks, sums=root * self.sums)
 
     def summed(self, members: Array) -> ActuatorBlocks:
         """Return a block for each row of members (F, B): blocks counted so often, added up."""

@@ -172,7 +172,8 @@ def order_verdicts(result: ModelResult) -> Table:
         return -v.share if known else 0.0
 
     order = sorted(range(len(table.rows)), key=rank)
-    return replace(table, rows=tuple(table.rows[k] for k in order))
+    rows = tuple(table.rows[k] for k in order)
+    return replace(table, rows=rows)
 
 
 def _name_key(analysis: Analysis) -> Fold:
@@ -231,12 +232,13 @@ def section_prediction(analysis: Analysis) -> Section:
         [robot.torque_units[k] for k in loaded],
         name,
     )
+    filtered = "" if np.array_equal(out.tau, out.raw) else ", low-passed as it was fitted"
     return section(
         "analysis.prediction",
         traces,
         Fold(sentence("analysis.errors"), error_tables(analysis)),
         log=name,
-        filtered="" if np.array_equal(out.tau, out.raw) else ", low-passed as it was fitted",
+        filtered=filtered,
         what=what,
         What=what.capitalize(),
         model=model_title(analysis.chosen),
@@ -270,9 +272,10 @@ def section_correlated(fit: Fit) -> Section:
         f"{fit.names[i]} and {fit.names[j]} ({format_number(float(rho[i, j]), 2)})"
         for i, j in strongest
     ]
+    count = len(np.unique(pairs))
     text = sentence(
         "analysis.together",
-        count=len(np.unique(pairs)),
+        count=count,
         pairs=each,
     )
     return section("analysis.correlated", text=text)
@@ -332,13 +335,14 @@ def _how(analysis: Analysis) -> Section:
     rows = [(k, v) for k, v in analysis.provenance.items() if not k.startswith("sha256")]
     rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
     rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in logs]
+    thinned = sentence("analysis.windows", "thinned", rows=kept) if seen < kept else ""
     return section(
         "analysis.motion",
         make_table("prepared", [_log_row(use, s) for use, s in logs]),
         Fold(sentence("analysis.thresholds"), (Terms(GLOSSARY),)),
         Fold(sentence("analysis.provenance"), (make_table("provenance", rows),)),
         seen=seen,
-        thinned=sentence("analysis.windows", "thinned", rows=kept) if seen < kept else "",
+        thinned=thinned,
         estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
         out=len(analysis.held_out.log),
         kind=analysis.validation_kind,
@@ -432,9 +436,10 @@ def pruning_below(ladder: Ladder) -> Picture:
 def pruning_sections(ladder: Ladder) -> list[Section | None]:
     """Return the sections of the page."""
     settings = {key: ladder.settings[key] for key in ("method", "seed")}
+    effects = ", ".join(ladder.effects)
     text = words(
         "pruning.how",
-        effects=", ".join(ladder.effects),
+        effects=effects,
         **settings,
     )
     return [

@@ -383,7 +383,8 @@ def excitation_moving(result: Excitation) -> Moving | None:
     """Return the robot along the motion."""
     t, *motion = result.motion
     poses = complete_motion(result.robot, t, *motion).q
-    caption = sentence("excitation.moving", seconds=t[-1] - t[0])
+    seconds = t[-1] - t[0]
+    caption = sentence("excitation.moving", seconds=seconds)
     return move_skeletons(result.robot, t, {"motion": ("blue", poses)}, lambda rows: [], caption)
 
 

@@ -803,7 +803,8 @@ def _read_cable(m: Any, t: int, point: Places, locked: NumberByName) -> Cable:
     arms = find_arms(m, t)
     if arms:
         terms = {joint: (0.0, c) for joint, c in arms.items()}
-        return Cable(name, along=Coupling.of(name, name, terms).held(locked))
+        along = Coupling.of(name, name, terms).held(locked)
+        return Cable(name, along=along)
     sites = [m.site(m.wrap_objid[w]) for w in tendon_parts(m, t)]
     return Cable(name, tuple(point(s.bodyid[0], s.pos) for s in sites))
 

@@ -126,7 +126,8 @@ def leave_out(log: Log, lost: np.ndarray, recording: Recording) -> Log:
     modelled = np.zeros(lost.shape)
     modelled[recording.rows] = recording.modelled
     residual = bridge_gaps(log.t, log.tau - modelled, lost)
-    return replace(log, tau=modelled + residual, unmeasured=lost if lost.any() else None)
+    unmeasured = lost if lost.any() else None
+    return replace(log, tau=modelled + residual, unmeasured=unmeasured)
 
 
 class Recording(NamedTuple):

@@ -379,6 +379,7 @@ def delay_commands(recordings: Recordings, servo: Servo, delay: float) -> Record
         tuple(replace_servo(x, servo, servo, delay) if of_commands(x) else x for x in logs)
         for logs in both
     )
-    said = Finding("commands", text=phrase("commands", "later", by=1e3 * delay))
+    text = phrase("commands", "later", by=1e3 * delay)
+    said = Finding("commands", text=text)
     hints = (*recordings.hints, said)
     return replace(recordings, fitted=fitted, held_out=held_out, hints=hints)

@@ -280,7 +280,8 @@ def _finish_search(problem: RolloutProblem, found: Explanation) -> Explanation:
     """Return an explanation whose search ends where a step promises little."""
     if found.end.promised <= ENOUGH:
         return found
-    return found._replace(end=_fit_numbers(problem, found.end.x, found.numbers, ENOUGH))
+    end = _fit_numbers(problem, found.end.x, found.numbers, ENOUGH)
+    return found._replace(end=end)
 
 
 def _fit_numbers(
@@ -326,10 +327,11 @@ def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -
     places = explanation.numbers % len(robot.joints)
     j = places[0]
     factor = np.exp(value) if kind == "kp" else 1.0
+    joints = [robot.joints[k] for k in places]
     return phrase(
         "odd_joint",
         kind,
-        joints=[robot.joints[k] for k in places],
+        joints=joints,
         joint=robot.joints[j],
         kp=servo.kp[j],
         factor=factor,

@@ -126,7 +126,8 @@ def set_aside_joints(log: Log) -> Log:
     gone = np.tile(lost, (len(log), 1))
     if log.unmeasured is not None:
         gone |= log.unmeasured
-    return replace(log, q_ref=np.where(lost, log.q, log.q_ref), unmeasured=gone)
+    q_ref = np.where(lost, log.q, log.q_ref)
+    return replace(log, q_ref=q_ref, unmeasured=gone)
 
 
 def follows_command(command: Array, q: Array, most: int) -> bool:

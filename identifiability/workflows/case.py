@@ -213,6 +213,7 @@ class Data(OfStructure):
         # Where commands were lost.
         irregular = bool(of_key(self.hints, "irregular"))
         odd = of_key(self.hints, "odd_joint")
+        play = [joint for x in odd for joint in x.numbers["play"]]
         return find_missing(
             self.structure,
             self.regression,
@@ -220,7 +221,7 @@ class Data(OfStructure):
             commanded=commanded,
             irregular=irregular,
             known=self.lacked,
-            play=[joint for x in odd for joint in x.numbers["play"]],
+            play=play,
         )
 
     @cached_property
@@ -994,7 +995,8 @@ def is_another_unit(share: Share) -> bool:
 
 def ask_for_unit(share: Share) -> Finding:
     """Return the question whether a joint's torque has another unit than that of other joints."""
-    return Finding("question", text=phrase("question", "unit", joint=share.term.group.place))
+    text = phrase("question", "unit", joint=share.term.group.place)
+    return Finding("question", text=text)
 
 
 def state_gains(shares: Sequence[Share], robot: Robot) -> dict[str, float]:

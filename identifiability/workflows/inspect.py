@@ -528,4 +528,5 @@ def _without_torque(record: Record, unknown: Array) -> Record:
     """Return a record in which torque of some joints (a boolean each) is NaN."""
     joints = record.joints.copy()
     joints.loc[unknown, ["torque_low", "torque_high", "torque_noise"]] = np.nan
-    return replace(record, joints=joints, tau=np.where(unknown, np.nan, record.tau))
+    tau = np.where(unknown, np.nan, record.tau)
+    return replace(record, joints=joints, tau=tau)

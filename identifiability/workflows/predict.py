@@ -914,8 +914,10 @@ def _rebuild_fit(entry: FitEntry, structure: Structure, submodel: Submodel) -> F
     noise = {name: np.reshape(getattr(entry, name), (n,)) for name in ("low", "raw", "dof")}
     covariance = np.reshape(entry.covariance, (k, k))
     values = np.reshape(entry.values, (k,))
-    spread = TorqueUncertainty(covariance=covariance, unknown=_tall(entry.unknown, k), **noise)
+    unknown = _tall(entry.unknown, k)
+    spread = TorqueUncertainty(covariance=covariance, unknown=unknown, **noise)
     base_covariance = np.reshape(entry.base_covariance, (b, b))
+    offsets = np.reshape(entry.offsets, (b, n))
     return Fit(
         structure=structure,
         submodel=submodel,
@@ -924,7 +926,7 @@ def _rebuild_fit(entry: FitEntry, structure: Structure, submodel: Submodel) -> F
         preparation=entry.preparation,
         base_covariance=base_covariance,
         base_unknown=_tall(entry.base_unknown, b),
-        offsets=np.reshape(entry.offsets, (b, n)),
+        offsets=offsets,
         alternatives=np.array(entry.alternatives),
         servo=entry.servo,
         began=entry.began,
@@ -972,7 +974,8 @@ def read_real(
         why = physical.reason or physical.certificate
         raise IdentifiabilityError(f"{path} holds no real robot to be {done}. {why}".rstrip())
     if robot.servo is not None and found is not None:
-        robot = replace(robot, servo=found.apply_gains(robot.servo, robot.joints))
+        servo = found.apply_gains(robot.servo, robot.joints)
+        robot = replace(robot, servo=servo)
     if physical.gravity is not None:
         given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
         robot = robot.turned(np.array(physical.gravity.direction))

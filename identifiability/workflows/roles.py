@@ -32,7 +32,8 @@ def assign_roles(recordings: Recordings) -> Recordings:
     fitted = recordings.fitted
     held_out = recordings.held_out
     if held_out:
-        return replace(recordings, verified_on=join([log.name for log in held_out]))
+        verified_on = join([log.name for log in held_out])
+        return replace(recordings, verified_on=verified_on)
     if len(fitted) > 1:
         last = fitted[-1]
         words = f"{last.name}, which was set aside"

@@ -409,5 +409,6 @@ def read_joints(path: Path, known: Conventions) -> Whole:
         If the bag cannot be read, or has no such topic or joints.
     """
     frame = read_bag(path, known)
-    form = replace(PLAIN, notes=tuple(frame.attrs.pop("notes")))
+    notes = tuple(frame.attrs.pop("notes"))
+    form = replace(PLAIN, notes=notes)
     return frame, form, hash_files(split_topic(path)[0])

@@ -161,6 +161,7 @@ def thin_all(
         whole = each
         if asked is None and whole.cutoff is None:
             factor = find_factor(log)
-            whole = replace(whole, decimation=signals.Decimation(factor) if factor else None)
+            decimation = signals.Decimation(factor) if factor else None
+            whole = replace(whole, decimation=decimation)
         found.append(thin(whole, most))
     return tuple(found)

@@ -152,7 +152,8 @@ class DwellRule:
                 out[:, j] |= _lasting(speed[:, j] <= creep[j], least)
         # A dwell lasts as long as the joint creeps.
         line = np.array([[0, 1, 0]] * 3)
-        out = scipy.ndimage.binary_propagation(out, line, mask=out | (speed <= self.creep[0]))
+        mask = out | (speed <= self.creep[0])
+        out = scipy.ndimage.binary_propagation(out, line, mask=mask)
         out = _reached(out, self.beside)
         if self.turning:
             return out | _reached(_reversals(dq), self.turning)
@@ -565,7 +566,8 @@ class Windows:
         for log, origin in zip(self.logs, self.origins, strict=True):
             for a, b in grid.stretches(origin, origin + len(log)):
                 part = log.rows(a, b)
-                filled = partial(fill, at=grid.places(origin + a, origin + b))
+                at = grid.places(origin + a, origin + b)
+                filled = partial(fill, at=at)
                 stretches.append(part.each(filled, t=filled(part.t)))
         return stretches
 
@@ -752,7 +754,8 @@ def with_series_band(how: Preparation, logs: Sequence[Log]) -> Preparation:
     steps = [signals.sampling_step(log.t) for log in logs]
     bands = [bandwidth_of_windows([log.q], dt) for log, dt in zip(logs, steps, strict=True)]
     wide = max(RULES.cutoff_wide * max(bands), RULES.cutoff_lowest)
-    return replace(how, outputs=min(wide, RULES.cutoff_highest / max(steps)))
+    outputs = min(wide, RULES.cutoff_highest / max(steps))
+    return replace(how, outputs=outputs)
 
 
 def _with_band(robot: Robot, logs: Sequence[Windows], how: Preparation) -> CommonPreparation:

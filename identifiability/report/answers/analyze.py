@@ -232,7 +232,8 @@ class LadderedPresenter(PredictingPresenter):
         """Return the motion on which the unseen error was measured."""
         validation = self.result.validation
         if validation:
-            return sentence("laddered.measured", "held", names=[s.name for s in validation])
+            names = [s.name for s in validation]
+            return sentence("laddered.measured", "held", names=names)
         return sentence("laddered.measured", "crossed")
 
     def to_frame(self, model: str | None = None, *, details: bool = False) -> pd.DataFrame:
@@ -581,9 +582,8 @@ def state_weight(result: Laddered[Any]) -> str:
                 "title": result.robot.title,
                 "file": float(structure.nominal @ masses),
             }
-            return sentence(
-                "decision.weight", value=measured(v.value, v.sigma_label, "kg"), **holes
-            )
+            value = measured(v.value, v.sigma_label, "kg")
+            return sentence("decision.weight", value=value, **holes)
     return ""
 
 
@@ -683,13 +683,15 @@ def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
     if len(samples) == 1:
         return (each,)
     of_logs = errors[errors["of"] == "log"]
-    logs = of_logs.assign(name=[s.name for s in samples])
+    name = [s.name for s in samples]
+    logs = of_logs.assign(name=name)
     return each, make_table("logs", logs.itertuples())
 
 
 def bar(x: float, whole: float) -> Cell:
     """Return a percentage with a bar of that length."""
-    return Cell(percent_text(x), x, share=float(np.nan_to_num(min(x / whole, 1.0))))
+    share = float(np.nan_to_num(min(x / whole, 1.0)))
+    return Cell(percent_text(x), x, share=share)
 
 
 def parameter_table(result: ModelResult) -> Table:

@@ -145,4 +145,5 @@ def _state_reason(result: Calibration) -> str:
         # The model makes the repetitions: effects that it lacks are in none of them.
         missing = analysis.missing.statement
         return sentence(about, "missing" if missing else "yes", missing=missing)
-    return sentence(about, word, trials=4 * len(result.cell.held))
+    trials = 4 * len(result.cell.held)
+    return sentence(about, word, trials=trials)

@@ -365,7 +365,8 @@ def _limit_table(unchanged: Sequence[Unchanged]) -> Table:
     rows = [
         (place, *(limits.get((place, title), Cell("")) for title in titles)) for place in places
     ]
-    return make_table("comparison_limits", rows, more=[Column(title) for title in titles])
+    more = [Column(title) for title in titles]
+    return make_table("comparison_limits", rows, more=more)
 
 
 def _limit_cell(number: Unchanged) -> Cell:

@@ -166,7 +166,8 @@ class DiagnosisPresenter(PredictingPresenter):
         joints = add_units(result.error_frame(), "rms_before", "rms_after")
         named = {p.place: title_of(e.name) for e in result.effects for p in e.placements}
         for row in joints:
-            row["joint"] = Cell(row["joint"], note=named.get(row["joint"], ""))
+            note = named.get(row["joint"], "")
+            row["joint"] = Cell(row["joint"], note=note)
         return (*tables, make_table("gap", joints))
 
     def cautions(self) -> tuple[Note, ...]:

@@ -147,6 +147,7 @@ def _answer_worth(result: Excitation) -> Answer:
     if not new:  # of values that nobody states
         return Answer(sentence(about, "question"), text, "", "green")
     text += sentence(about, "noise_logs" if result.logs else "noise")
+    count = len(result.after.told)
     return answer(
         about,
         "counts",
@@ -155,7 +156,7 @@ def _answer_worth(result: Excitation) -> Answer:
         other=result.beside,
         old=old,
         new=new,
-        count=len(result.after.told),
+        count=count,
     )
 
 

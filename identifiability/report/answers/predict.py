@@ -294,7 +294,8 @@ def _state_runs(result: PositionPrediction) -> str:
     each = []
     for run, total in zip(result.runs, result.totals, strict=True):
         part = "error" if np.isfinite(total) else "diverges"
-        error = sentence(about, part, size=_state_size(result, run.errors))
+        size = _state_size(result, run.errors)
+        error = sentence(about, part, size=size)
         each.append(f"{run.name} {error}")
     return ", ".join(each[::-1])
 

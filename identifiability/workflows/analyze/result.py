@@ -173,7 +173,8 @@ class ModelResult:
 
     def withdraw(self, why: str) -> Self:
         """Return the model with all verdicts withdrawn, for one reason."""
-        return replace(self, verdicts=withdraw(self.verdicts, why))
+        verdicts = withdraw(self.verdicts, why)
+        return replace(self, verdicts=verdicts)
 
     def row(self) -> dict[str, Any]:
         """Return the model as one row of the ladder."""
@@ -292,7 +293,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         own = self.chosen.used[1]
         every = self.everywhere
         raw = own if every is None else every
-        return replace(own, errors=np.stack([own.errors[0], raw.errors[1]]))
+        errors = np.stack([own.errors[0], raw.errors[1]])
+        return replace(own, errors=errors)
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the verdicts of the model to use, then those of the parameters that it omits.

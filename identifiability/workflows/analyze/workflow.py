@@ -373,7 +373,8 @@ def believe(found: Analysis, say: Progress) -> Analysis:
     models = list(found.models)
     rng = np.random.default_rng(found.settings["seed"]).spawn(3)[2]
     belief = form_belief(model, rng, share=within, progress=sampling)
-    models[found.selected] = replace(chosen, verdicts=refine_verdicts(chosen.verdicts, belief))
+    verdicts = refine_verdicts(chosen.verdicts, belief)
+    models[found.selected] = replace(chosen, verdicts=verdicts)
     return replace(found, models=tuple(models), belief=belief)
 
 

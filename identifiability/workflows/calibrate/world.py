@@ -268,15 +268,16 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
     unjudged = [not t.judged for t in trials]
     calls = called.sum(1).mean()
     missed = off > 0.5 * np.abs(truth)
+    wrong = clustered_share(
+        missed,
+        called,
+        ~held,
+    )
     return Cell(
         names=tuple(names),
         held=held,
         called=float(calls),
-        wrong=clustered_share(
-            missed,
-            called,
-            ~held,
-        ),
+        wrong=wrong,
         not_judged=float(np.mean(unjudged)),
     )
 
@@ -492,7 +493,8 @@ class World:
 
 def _true_motion(samples: Dataset) -> Dataset:
     """Return samples as the truth: the signs of their speeds are those of the motion itself."""
-    return replace(samples, motion=replace(samples.motion, smooth_v=None), instrument=None)
+    motion = replace(samples.motion, smooth_v=None)
+    return replace(samples, motion=motion, instrument=None)
 
 
 def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:

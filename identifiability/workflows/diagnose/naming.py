@@ -383,11 +383,12 @@ def name_missing(looked: Naming) -> Naming:
     parts = [p for k in range(len(judged.terms)) for p in _write_term(judged, k)]
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
+    after = further_gains(search, judged.terms)
     named = replace(
         looked,
         search=search,
         missing=search.missing,
-        after=further_gains(search, judged.terms),
+        after=after,
         refuted=judged.refuted,
         possible=judged.possible,
     )

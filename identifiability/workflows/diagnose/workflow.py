@@ -590,7 +590,8 @@ def name_effects(
     if refutes_omission(diagnosis):
         # Without the rows of a change too little motion may be left.
         diagnosis = conclude(judge_all_rows(found, problem), rng)
-    return replace(diagnosis, hints=(hint,) if hint else ())
+    hints = (hint,) if hint else ()
+    return replace(diagnosis, hints=hints)
 
 
 def refutes_omission(d: Diagnosis) -> bool:
@@ -610,7 +611,8 @@ def take_loads(naming: Naming, engine: Engine) -> Naming:
     fitted = load_by_fit(naming.completed, naming.regression, engine)
     loads = fitted.robot.reference
     under = None if problem.under is None else with_loads(problem.under, loads)
-    problem = replace(problem, structure=with_loads(problem.structure, loads), under=under)
+    structure = with_loads(problem.structure, loads)
+    problem = replace(problem, structure=structure, under=under)
     return with_parts(replace(naming, problem=problem), naming.parts)
 
 
@@ -740,11 +742,12 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
             break
     held = gap.relative_error().tolist()
     weighed = used.weighed if problem.known.tells_nothing else None
+    fitted = naming.predict_fitted([fits[0], last])
     return Verified(
         included=n,
         used=best,
         gap=gap,
-        fitted=naming.predict_fitted([fits[0], last]),
+        fitted=fitted,
         held_before=held[0],
         held_after=held[-1],
         completed=used.completed,

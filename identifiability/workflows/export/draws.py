@@ -69,7 +69,8 @@ class Draws:
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a draw, one column a standard parameter or number of servos [SI]."""
-        own = pd.DataFrame(self.values, columns=list(self.structure.columns))
+        columns = list(self.structure.columns)
+        own = pd.DataFrame(self.values, columns=columns)
         return pd.concat([own, self.servos], axis=1)
 
     def write(self, path: str | Path) -> tuple[Path, ...]:

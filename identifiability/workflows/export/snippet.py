@@ -85,7 +85,8 @@ def write_snippet(whole: Robot, alone: Robot, path: Path) -> tuple[Path | None, 
             tables[axis.name] = _tabulate(whole, axis, parts, friction)
     if not tables:
         return None, []
-    text = TEXT.format(file=for_python(alone.path.name), tables=for_python(tables, width=96))
+    file = for_python(alone.path.name)
+    text = TEXT.format(file=file, tables=for_python(tables, width=96))
     return write_text(path, text), [*titles]
 
 

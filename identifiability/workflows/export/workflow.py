@@ -732,7 +732,8 @@ def _take_springs_off(robot: Robot, log: Dataset) -> Dataset:
     rigid = MujocoRobot(robot).inverse_dynamics(move.q, move.dq, move.ddq)
     settled = motion.t - motion.t[0] >= SETTLE
     weight = log.weight * settled[:, None]
-    return replace(log, tau=log.tau - bent + rigid.tau, weight=weight)
+    tau = log.tau - bent + rigid.tau
+    return replace(log, tau=tau, weight=weight)
 
 
 def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> Robot:

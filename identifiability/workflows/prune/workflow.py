@@ -244,9 +244,10 @@ def whiten_rows(rows: WeightedRows, run: Run) -> Information | None:
     noise = data.missing.noise
     if not any(joint.pacf.size for joint in noise):
         return None
+    transform = partial(whiten_chunk, noise=noise)
     information = gather_information(
         data.regression,
-        transform=partial(whiten_chunk, noise=noise),
+        transform=transform,
         engine=run.engine,
     )
     unweighted = with_known(information, data.structure.known)

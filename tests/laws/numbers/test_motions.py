@@ -47,10 +47,9 @@ def shifted(logs, odd, change):
     return values
 
 
-@pytest.mark.parametrize("logs", [2, pytest.param(3, marks=pytest.mark.everything)])
-def test_logs_of_one_robot_are_seldom_said_to_differ_and_then_add_nothing(logs):
+def test_logs_of_one_robot_are_seldom_said_to_differ_and_then_add_nothing():
     trials = 100
-    found = [compare(np.tile(VALUES, (logs, 1)), [logs, seed])[0] for seed in range(trials)]
+    found = [compare(np.tile(VALUES, (2, 1)), [2, seed])[0] for seed in range(trials)]
     fired = sum(bool(m.moved.any()) for m in found)
     assert fired <= Thresholds.sign_level * trials
     for m in found:
