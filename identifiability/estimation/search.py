@@ -6,22 +6,15 @@ only remove them. Left-out blocks of the fitted rows decide at which places each
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from identifiability.effects import Family, find_families
-from identifiability.effects.friction import (
-    PassiveJointFriction,
-    QuadraticFriction,
-    RisingFriction,
-    SigmoidFriction,
-    StribeckFriction,
-)
+from identifiability.effects.friction import PassiveJointFriction, RisingFriction
 from identifiability.effects.measurement import ClockError, CommandDelay, TimeDelay, TorqueScale
-from identifiability.effects.springs import PositionTorque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
 from identifiability.foundation.names import Array
@@ -151,20 +144,10 @@ def _judge(search: Search, found: Terms, refuted: Gains = ()) -> Judged:
 def _judge_confirmed(
     search: Search, found: Terms, confirmed: Confirmed, refuted: Gains = ()
 ) -> Judged:
-    """Return the terms that left-out blocks confirm, too.
-
-    A family everywhere that keeps some places needs the odds and the unseen gain of these alone.
-    """
+    """Return the terms that left-out blocks confirm, too."""
     kept, gains = confirmed
     places, possible = _ask_left_out(search, kept) if kept else ({}, ())
     standing = {t.key for t in kept}
-    fewer = tuple(_at_some(search, t, places[t.key]) for t in kept if places[t.key])
-    if sum(t.size for t in fewer) < sum(t.size for t in kept if places[t.key]):
-        asked = search.model.update_terms(fewer)
-        sure = tuple(t for t in asked if t.odds >= RULES.name)
-        again, own = _confirm(search, sure)
-        kept, gains = again, gains | own
-        standing -= {t.key for t in sure} - {t.key for t in again}
     news = ((t, gains[t.key]) for t in found if t.key not in standing)
     refuted = tuple(x for x in (*refuted, *news) if x[0].key not in standing)
     kept = search.model.update_terms(tuple(t for t in kept if places[t.key]))
@@ -213,17 +196,11 @@ def _exchange_improbable(judged: Judged) -> Terms:
 
 
 def _find_improbable(judged: Judged) -> Iterator[tuple[int, Term]]:
-    """Yield the number of each term that is far less probable than another name, and that name.
-
-    Given that name, the term would be none: a name that gains as much beside it is no alternative.
-    """
-    beside = {t.key: t.odds for t in judged.search.model.gains(judged.terms)}
+    """Yield the number of each term that is far less probable than another name, and that name."""
     for k in range(len(judged.terms)):
         odds, others = list_alternatives(judged, k)
-        instead = (t for t in others if odds + beside.get(t.key, -np.inf) < t.odds + RULES.name)
-        best = next(instead, None)
-        if best and best.odds > odds + RULES.rival:
-            yield k, best
+        if others and others[0].odds > odds + RULES.rival:
+            yield k, others[0]
 
 
 def list_alternatives(judged: Judged, k: int) -> tuple[float, Terms]:
@@ -370,16 +347,6 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Weak]:
     return places, tuple(possible)
 
 
-def _at_some(search: Search, term: Term, places: Iterable[str]) -> Term:
-    """Return a term with the columns of some places alone, if each of its shapes has some there."""
-    own = (c for some in search.missing.sets[term.key] for c in some if c.place in places)
-    columns = np.array([k for c in own for k in c.columns]) + search.missing.fixed
-    members = tuple(at[np.isin(at, columns)] for at in term.group.members)
-    group = replace(term.group, members=members)
-    some = replace(term, group=group)
-    return some if all(map(len, members)) else term
-
-
 def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
     """Return the terms removed in a round: at most one of a place and of a family, the worst.
 
@@ -447,30 +414,17 @@ def _gains_left_out(model: MixedModel, terms: Terms, folds: BlockFolds) -> tuple
     return gains, needed
 
 
-#: Laws of friction at a speed, whatever the position.
-AT_SPEEDS = (
-    StribeckFriction.name,
-    RisingFriction.name,
-    SigmoidFriction.name,
-    QuadraticFriction.name,
-)
-
-
 def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
-    """Return whether a term explains more than errors of the likeliest law of its joint.
+    """Return whether a term explains more than errors of the likeliest law there.
 
-    A curve along the position is no law with a form. It does not err as friction at a speed does.
-
-    A scale of torque may stand beside any law, whose error is a smooth function of the same
-    coordinates. It is in the model as the function of this joint that replaces the law best. An
-    error of clocks must be as large as in other joints. Other effects are as small on real robots
-    because laws are wrong there, and then harm unseen motion.
+    The error of a law is a smooth function of the same coordinates. It is in the model as the
+    function of this joint that replaces the law best. A scale of the torque must gain beside it,
+    and an error of clocks must be as large as in other joints. Other effects are as small on real
+    robots because laws are wrong there, and then harm unseen motion.
     """
     term = terms[k]
     if term.group.family in CLOCKS:
         return _has_one_clock(model, terms, k)
-    if terms[likeliest].group.family == PositionTorque.name and term.group.family in AT_SPEEDS:
-        return True
     if term.group.family != TorqueScale.name:
         return False
     instead = model.gains(without(terms, likeliest))
@@ -623,7 +577,7 @@ def find_missing(
 def _conclude_named(judged: Judged, robot: Robot) -> MissingEffects:
     """Return the named effects but for unknown ages of measurements, which no model lacks."""
     terms = tuple(_at_places(judged, k) for k in range(len(judged.terms)))
-    found = _conclude(judged.search, _at_all(judged.search, terms))
+    found = _conclude(judged.search, terms)
     named = found.shares[: len(found.named)]
     kept = tuple(s.term for s in named if not is_unknown_age(s, robot))
     if len(kept) == len(named):
@@ -656,14 +610,9 @@ def is_unknown_age(share: Share, robot: Robot) -> bool:
 
 def _conclude_known(search: Search, known: MissingEffects) -> MissingEffects:
     """Return the same for those known effects that a model still lacks."""
-    return _conclude(search, _at_all(search, known.named))
-
-
-def _at_all(search: Search, terms: Terms) -> Terms:
-    """Return terms at all their places: labels count places that are not sure, too."""
     groups = {g.key: g for g in search.model.groups}
-    whole = (replace(t, group=groups[t.key]) for t in terms if t.key in groups)
-    return search.model.update_terms(tuple(whole))
+    lacking = (replace(t, group=groups[t.key]) for t in known.named if t.key in groups)
+    return _conclude(search, search.model.update_terms(tuple(lacking)))
 
 
 def _at_places(judged: Judged, k: int) -> Term:

@@ -52,6 +52,8 @@ def keep_standing(robot: Robot, content: ResultEntry) -> tuple[ResultEntry, dict
     come first, say why the others are.
     """
     standing = content.rollout.standing if content.rollout else ()
+    if not standing:
+        return content, {}
     names = {f"{joint}.{kind}" for joint in standing for kind in WORDS.values()}
     names &= {r["name"] for r in content.parameters if r["verdict"] == Class.NOT_IDENTIFIABLE}
     why = {"used_because": phrase("exported", "standing")}
