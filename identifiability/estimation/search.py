@@ -418,9 +418,9 @@ def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
     """Return whether a term explains more than errors of the likeliest law there.
 
     The error of a law is a smooth function of the same coordinates. It is in the model as the
-    function of this joint that replaces the law best. A scale of the torque must gain beside it,
-    and an error of clocks must be as large as in other joints. Other effects are as small on real
-    robots because laws are wrong there, and then harm unseen motion.
+    function of this joint that replaces the law best. A scale of the torque must gain in addition
+    to it. An error of clocks must be as large as in other joints. Other effects are as small on
+    real robots because laws are wrong there, and then harm unseen motion.
     """
     term = terms[k]
     if term.group.family in CLOCKS:

@@ -323,7 +323,7 @@ def _report(key: str, log: Log, wrong: Sequence[Contradiction], **others: Any) -
 
 
 def _advance(log: Log, late: Sequence[Contradiction], rows: Log, start: int) -> Log:
-    """Return rows of a log, from an index on, with late columns at the times of positions."""
+    """Return rows of a log from an index on, with columns that lag moved to the right times."""
     longest = max(abs(c.lag) for c in late)
     reach = 4 + round(longest / sampling_step(log.t))  # and the samples of a cubic
     near = log.rows(max(start - reach, 0), start + len(rows) + reach)

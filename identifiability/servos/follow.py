@@ -164,9 +164,8 @@ def locate_commands(
         moved, _ = move(moved)
     found = refit_rollouts(found, moved)
     # Commands come to all joints at one time, so most joints err less if the times are right.
-    moves = regular.missed > 0
-    errs_less = found.missed[moves] < regular.missed[moves]
-    if errs_less.mean() <= 0.5:
+    errs_less = np.count_nonzero(found.missed < regular.missed)
+    if 2 * errs_less <= np.count_nonzero(regular.missed):
         return list(logs), {}, regular
     moved, _ = move(moved)
     return moved, shares, found

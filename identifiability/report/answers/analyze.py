@@ -114,10 +114,16 @@ class LadderedPresenter(PredictingPresenter):
             kind=result.validation_kind,
             interval=state_interval(result.held_out),
         )
-        error = self.answer_error(measured_on, more, raw=result.left_out["raw"])
+        cost, compared = self.compare_errors()
+        more = join_sentences(more, cost)
+        error = self.answer_error(measured_on, more, raw=result.left_out["raw"], **compared)
         if result.moved is not None:
             error = result.moved.lead(error)
         return use, error, answer_doubt(result)
+
+    def compare_errors(self) -> tuple[str, dict[str, Any]]:
+        """Return what `answer_error` says further down and in another sentence; here nothing."""
+        return "", {}
 
     def commands(self) -> list[Command]:
         """Return at most three lines for the terminal, the most useful first."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -72,21 +71,10 @@ class LadderPresenter(LadderedPresenter):
         others = sentence(about, "others", low=sizes[0], high=sizes[1]) if sizes else ""
         return replace(found, more=join_sentences(why, rule, others))
 
-    def answer_error(
-        self,
-        text: str,
-        more: str = "",
-        question: str = "",
-        raw: float = math.nan,
-        part: str = "error",
-        **holes: Any,
-    ) -> Answer:
-        """Return the error of the estimates, as in the figure, and that of what is exported."""
+    def compare_errors(self) -> tuple[str, dict[str, Any]]:
+        """Return the cost of consistency, and the errors of the estimates as in the figure."""
         own = _compare_errors(self.result)
-        if own:
-            more = join_sentences(more, _state_cost(self.result))
-            part = own.pop("part", part)
-        return super().answer_error(text, more, question, raw, part, **holes | own)
+        return (_state_cost(self.result) if own else ""), own
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and that the choice is stable if it is."""
