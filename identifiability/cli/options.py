@@ -422,6 +422,10 @@ class Command(typer.core.TyperCommand):
         first = parsed.get("robot")
         if not isinstance(first, str) or first not in words:
             return
+        from identifiability.robot.locate import ENDINGS  # noqa: PLC0415
+
+        if Path(first).suffix.lower() in ENDINGS:
+            return
         from identifiability.logs.tables import is_log_file  # noqa: PLC0415
 
         if is_log_file(Path(first)):

@@ -276,7 +276,9 @@ def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> 
     except (ET.ParseError, OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or error
         text = f"{path} cannot be read as MJCF or URDF: {reason}."
-        if path.suffix.lower() not in ENDINGS:
+        if path.suffix.lower() == ".toml":
+            text += " A sidecar is read with the robot file of its name: give that file."
+        elif path.suffix.lower() not in ENDINGS:
             text += " Give the robot file first, then the logs."
         raise RobotError(text) from None
     if root.tag not in roots:

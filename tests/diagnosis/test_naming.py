@@ -12,6 +12,7 @@ from identifiability.effects.effect import measure_spans
 from identifiability.estimation import search
 from identifiability.estimation.mixed_model import MixedModel, Term
 from identifiability.simulation import Campaign, random_trajectory
+from identifiability.workflows.diagnose.naming import Naming
 
 
 def seldom(*case):
@@ -66,6 +67,15 @@ def test_both_verbs_name_a_scale_and_one_clock_beside_stronger_friction(
 def test_analyze_says_which_names_explain_as_much(logs_of):
     found = analyze("scara", logs_of("scara", "joint_stiffness@shoulder=0.05"), replicates=0)
     assert " or spring with an unknown rest in " in found.missing.statement
+
+
+def test_an_effect_whose_values_its_law_excludes_is_not_named(logs_of, monkeypatch):
+    values = Naming.values
+    monkeypatch.setattr(Naming, "values", lambda *k: (-values(*k)[0], values(*k)[1]))
+    logs = logs_of("two-link", "stribeck_friction@elbow=0.1")
+    d = diagnose("two-link", logs[:4], logs[4:], forward=False)
+    assert not d.effects
+    assert d.held_after == d.held_before
 
 
 def test_a_name_that_is_far_less_probable_than_another_is_replaced(logs_of, named, monkeypatch):

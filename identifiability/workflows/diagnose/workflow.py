@@ -771,6 +771,12 @@ def find_harmful(naming: Naming) -> list[int]:
     return sorted(harmful, key=lambda k: errors[k + 1])[:1]
 
 
+def find_impossible(naming: Naming) -> list[int]:
+    """Return the parts whose values would be negative, which their law excludes."""
+    positive = [k for k, part in enumerate(naming.parts) if part.candidate.positive]
+    return [k for k in positive if (naming.values(k)[0] <= 0).all()]
+
+
 def find_doubtful(naming: Naming) -> list[int]:
     """Return the parts without which unseen motion errs less, the most harmful first.
 
@@ -814,6 +820,10 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     harmful = find_harmful(naming)
     if harmful:
         return conclude(without_parts(naming, harmful), rng)
+    impossible = find_impossible(naming)
+    if impossible:
+        others = without_parts(naming, impossible)
+        return conclude(replace(others, possible=naming.possible), rng)
     problem = naming.problem
     parts = naming.parts
     placed = _place_families(naming)
