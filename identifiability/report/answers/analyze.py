@@ -563,8 +563,8 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
     each = used.fitted.joint_error()[:, 1]
     joint = result.robot.joints[int(np.argmax(each))]
     held = real.nearest.active if real.nearest else ()
-    names = held or ("nothing",)
-    text = sentence("decision.impossible", near=near, error=free, joint=joint, names=names)
+    why = sentence("decision.impossible", "held" if held else "inside", names=held)
+    text = sentence("decision.impossible", near=near, error=free, joint=joint, why=why)
     brakes = [x for x in result.robot.joints if {f"{x}.Fv ≥ 0", f"{x}.Fc ≥ 0"} <= {*held}]
     if brakes:
         text += sentence("decision.impossible", "negative", joints=brakes)
