@@ -347,14 +347,13 @@ def test_a_path_that_is_no_utf_8_is_copied_to_the_byte(tmp_path, shell, monkeypa
     assert json.loads((folder / "p.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("key", ["resume", "scheduler"])
-def test_a_sidecar_names_nothing_that_runs_code(key, tmp_path):
+def test_a_sidecar_names_nothing_that_runs_code(tmp_path):
     path = tmp_path / "arm.xml"
     path.write_bytes(Robot.load("two-link").path.read_bytes())
-    path.with_suffix(".toml").write_text(f'[run]\n{key} = "work"\n')
+    path.with_suffix(".toml").write_text('[run]\nscheduler = "work"\n')
     log = tmp_path / "log.csv"
     log.write_text("t\n")
-    assert f"type --set {key}=" in call("analyze", path, log, "--quick")
+    assert "type --set scheduler=" in call("analyze", path, log, "--quick")
 
 
 def test_an_installed_package_registers_nothing(tmp_path):

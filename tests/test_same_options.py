@@ -16,7 +16,7 @@ from identifiability.foundation.engines import choose_engine
 VERBS = ("analyze", "prune", "diagnose", "calibrate", "excite", "inspect")
 SHARED = ("set", "map", "seed", "lock", "sidecar", "plugin")
 SETTINGS = ("derivatives", "cutoff", "decimate", "workers", "scheduler",
-            "resume", "time_unit", "angles", "base")  # fmt: skip
+            "time_unit", "angles", "base")  # fmt: skip
 
 
 #: Verbs whose options are those of the function of their name.

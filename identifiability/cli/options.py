@@ -771,12 +771,11 @@ class Place:
 
     table: ClassVar[str] = "run"
 
-    #: A cluster and a resume folder send objects that may run code, so no sidecar names them.
-    typed: ClassVar[tuple[str, ...]] = ("scheduler", "resume")
+    #: A cluster sends objects that may run code, so no sidecar names it.
+    typed: ClassVar[tuple[str, ...]] = ("scheduler",)
 
     workers: Count | None = None
     scheduler: str | None = None
-    resume: Path | None = None
 
     @contextmanager
     def running(self) -> Iterator[Engine]:

@@ -1,8 +1,8 @@
-"""Engines for long computations: this process, several processes, a cluster, stored results.
+"""Engines for long computations: this process, several processes, a cluster.
 
 What to use when: `Serial` for seconds of computation and for debugging; `Processes` on one machine;
-`Dask` on several machines; `Resumed` around any of them for hours of computation. Each engine calls
-one function on many items, in their order, with one thread each.
+`Dask` on several machines. Each engine calls one function on many items, in their order, with one
+thread each.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
-import pickle
 import signal
 import sys
 import threading
@@ -21,17 +20,16 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError
 from contextlib import AbstractContextManager, suppress
 from functools import cache, cached_property, lru_cache, partial
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import cloudpickle
 from threadpoolctl import ThreadpoolController
 
-from .errors import EngineError, OutputError
+from .errors import EngineError
 from .findings import Finding
-from .options import Count, FilePath, checked
-from .output import temporary_folder, write_bytes
+from .options import Count, checked
+from .output import temporary_folder
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -41,9 +39,6 @@ Steps = Callable[[int, int], None]
 
 #: Seconds that opening processes takes, to wait for a scheduler, and for its first worker.
 OPENING, PATIENCE, JOINING = 1.7, 5.0, 60.0
-
-#: Packages whose version may change a result in its last bits.
-NUMERICS = ("numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee")
 
 
 def one_thread(of: Literal["blas", "openmp"] | None = None) -> AbstractContextManager[Any]:
@@ -291,78 +286,6 @@ class Dask(Engine):
             self.client.close()
 
 
-class Resumed(Engine):
-    """An engine that keeps the results of finished items and does not do them again.
-
-    A stored result is found by a hash of its inputs: the function with its arguments, the item, the
-    program text and the versions of the numerical libraries. Files are written whole or not at all.
-    An interruption loses at most the items that were running. The files are pickles, which can run
-    any program, so the folder must belong to the user. An item must contain all data that it refers
-    to. An item about a file needs a digest of its content, not only its name.
-
-    Parameters
-    ----------
-    engine : Engine
-        Computes missing results.
-    folder : path
-        Made if it does not exist, for the user alone. One folder serves any number of runs.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be made, or others can write to it.
-    """
-
-    def __init__(self, engine: Engine, folder: str | Path) -> None:
-        self.engine = engine
-        self.folder = Path(folder)
-        why: object = ""
-        try:
-            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if self.folder.stat().st_mode & 0o002:
-                why = "everybody can write to it, and its files are run as programs"
-        except (OSError, ValueError) as error:
-            why = getattr(error, "strerror", None) or error
-        if why:
-            raise OutputError(f"'{folder}' cannot keep finished work: {why}; give a folder.")
-
-    def _run(self, function: Any, items: Sequence[Any]) -> Iterator[Any]:
-        paths = [self.folder / f"{fingerprint(function, item)}.result" for item in items]
-        kept = [_read_back(path) for path in paths]
-        missing = [item for item, old in zip(items, kept, strict=True) if not old]
-        fresh = self.engine.map(function, missing)
-        for path, old in zip(paths, kept, strict=True):
-            if not old:
-                write_bytes(path, pickle.dumps(next(fresh), protocol=5))
-            # Yield the stored result, so that a resumed run continues with the same bits.
-            yield (old or _read_back(path))[0]
-
-    def close(self) -> None:
-        """End the wrapped engine; stored results stay."""
-        self.engine.close()
-
-
-def _read_back(path: Path) -> tuple[Any, ...]:
-    """Return the result of a file in a tuple; an empty tuple if it is missing or damaged."""
-    with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
-        return (pickle.loads(path.read_bytes()),)
-    return ()
-
-
-def fingerprint(function: Callable[..., Any], item: Any) -> str:
-    """Return a hash of a function with its arguments, an item, and the programs that work."""
-    import joblib  # noqa: PLC0415 - heavy
-
-    parts = [item, *map(find_version, NUMERICS)]
-    while isinstance(function, partial):
-        parts.append((function.args, function.keywords))
-        function = function.func
-    home = str(getattr(function, "__module__", None) or "").partition(".")[0]
-    parts += [source_digest("identifiability"), source_digest(home)]
-    # Lambdas and local functions are hashed by their content, as cloudpickle sends it.
-    return str(joblib.hash([*parts, cloudpickle.dumps(function)], "sha1"))
-
-
 @cache
 def source_digest(name: str) -> str:
     """Return a hash of the text of a module or package; empty without a text."""
@@ -372,18 +295,8 @@ def source_digest(name: str) -> str:
     return hashlib.sha256(repr(texts).encode()).hexdigest()
 
 
-@cache
-def find_version(name: str) -> str:
-    """Return the version of an installed package; empty if it is not installed."""
-    with suppress(metadata.PackageNotFoundError):
-        return metadata.version(name)
-    return ""
-
-
 @checked
-def choose_engine(
-    workers: Count | None = None, scheduler: str | None = None, resume: FilePath | None = None
-) -> Engine:
+def choose_engine(workers: Count | None = None, scheduler: str | None = None) -> Engine:
     """Return the engine that some options ask for; the result is the same with any.
 
     Parameters
@@ -393,8 +306,6 @@ def choose_engine(
         each core, once that is faster.
     scheduler : str, optional
         Address of a Dask scheduler, such as ``tcp://host:8786``, whose cluster does the work.
-    resume : path, optional
-        Folder that keeps finished work; the same command takes it from there when it runs again.
 
     Raises
     ------
@@ -403,7 +314,4 @@ def choose_engine(
     """
     if scheduler is not None and workers is not None:
         raise EngineError(Finding("cluster.workers", scheduler))
-    made = Processes(workers) if scheduler is None else Dask(scheduler)
-    if resume is None:
-        return made
-    return Resumed(made, resume)
+    return Processes(workers) if scheduler is None else Dask(scheduler)

@@ -5,16 +5,17 @@ from __future__ import annotations
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
+from importlib import metadata
 
 from identifiability.foundation import __version__
-from identifiability.foundation.engines import NUMERICS, find_version
 from identifiability.foundation.names import PART
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import LadderSource
 from identifiability.robot import Robot
 
-_PACKAGES = (*NUMERICS, "pandas")
+#: Packages whose version may change a result in its last bits.
+_PACKAGES = ("numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee", "pandas")
 
 
 def state_provenance(
@@ -26,7 +27,7 @@ def state_provenance(
 ) -> dict[str, str]:
     """Return the provenance of the numbers: versions, seed, options, hashes of the inputs."""
     out = {"python": platform.python_version(), "identifiability": __version__}
-    out |= {package: find_version(package) or "not installed" for package in _PACKAGES}
+    out |= {package: _find_version(package) for package in _PACKAGES}
     out |= {"seed": str(seed)}
     out |= {name: str(value) for name, value in (options or {}).items()}
     out[f"sha256 {robot.path.name}"] = robot.sha256
@@ -51,6 +52,14 @@ def state_provenance(
         out["sha256 ladder"] = source.sha256
     out |= {f"sha256 {s.path or s.name}": s.sha256 for s in samples}
     return out
+
+
+def _find_version(package: str) -> str:
+    """Return the version of a package; Conda may have it under another name."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def given_paths(logs: Iterable[Log | Dataset]) -> tuple[str, ...]:

@@ -137,7 +137,7 @@ def check_robot(robot: str, digest: str) -> None:
     robot : str
         Shipped name or file.
     digest : str
-        Of `robot_digest`. As part of the work it also tells a resumed run what is unchanged.
+        Of `robot_digest`.
 
     Raises
     ------
