@@ -163,7 +163,7 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
     print_end([*said, *more])
     robot = getattr(result, "robot", None)
     for table in (*result.tables(), *result.ledger()):
-        if table.long or not (every or not answers or table.always):
+        if table.long or not table.rows or not (every or not answers or table.always):
             continue
         shown = max(12, (table.marked or 0) + 4)
         print_table(table, shown, getattr(robot, "title", ""))

@@ -91,6 +91,8 @@ def locate_robot(source: str | Path) -> Path:
     for name in ("robot.xml", "robot.urdf"):
         if str(source) in shipped_robots() and (folder / name).is_file():
             return folder / name
+    if (path / "case.toml").is_file():
+        raise RobotError(f"{path} is the folder of a case: give Case.load('{path}') to the verb.")
     if path.is_dir():
         raise RobotError(f"{path} is a folder; give the robot file (MJCF or URDF) in it.")
     raise RobotError(

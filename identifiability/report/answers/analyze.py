@@ -35,6 +35,7 @@ from identifiability.foundation.rounding import (
     stated_text,
 )
 from identifiability.physical.cad_prior import find_rises
+from identifiability.robot import Robot
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import SENSOR_ERRORS
 from identifiability.workflows.provenance import given_paths
@@ -567,8 +568,19 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
     text = sentence("decision.impossible", near=near, error=free, joint=joint, why=why)
     brakes = [x for x in result.robot.joints if {f"{x}.Fv ≥ 0", f"{x}.Fc ≥ 0"} <= {*held}]
     if brakes:
-        text += sentence("decision.impossible", "negative", joints=brakes)
+        columns = _list_drives(result.robot, brakes)
+        text += sentence("decision.impossible", "negative", joints=brakes, columns=columns)
     yield text
+
+
+def _list_drives(robot: Robot, joints: Sequence[str]) -> Sequence[str]:
+    """Return the coupled motors that move some joints; the joints if no motors are coupled."""
+    coupled = robot.transmission
+    if coupled is None:
+        return joints
+    moved = [name in joints for name in robot.joints]
+    drives = coupled.coupling[:, moved].any(axis=1)
+    return [motor for motor, drive in zip(coupled.motors, drives, strict=True) if drive]
 
 
 def state_weight(result: Laddered[Any]) -> str:

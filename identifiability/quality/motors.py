@@ -1,0 +1,98 @@
+"""Torque columns of coupled motors with a wrong sign, or with the name of another motor.
+
+Readings exchange and reverse torque of joints. The torque of a coupled motor is a part of the
+torque of several joints, so that no reading of joints mends its column.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.names import Array
+
+from .registry import Does, MeasuredLogs, check, without
+
+
+class Misread(NamedTuple):
+    """Torque of coupled motors after a change of one or two columns.
+
+    Attributes
+    ----------
+    how : str
+        Key of its sentence.
+    motors : list of int
+        Motors whose columns are changed.
+    torque : (N, m)
+        Torque of all motors, each in its unit.
+    """
+
+    how: str
+    motors: list[int]
+    torque: Array
+
+
+@check("motor", Does.MISREADS)
+def find_misread_motors(logs: MeasuredLogs) -> list[Finding]:
+    """Return columns of coupled motors whose change makes the torque far more plausible.
+
+    Their motors then give energy to every joint, because friction takes it. The squared residual is
+    halved, or falls by a fifth if a joint gives energy by the columns as they are.
+    """
+    gear = logs.robot.transmission
+    if gear is None or not {*gear.motors} <= {*logs.recordings[0].joints}:
+        return []
+    to_joints = gear.ratio[:, None] * gear.coupling
+    measured = logs.torque @ np.linalg.pinv(to_joints)
+    if len(gear.motors) > len(logs.joints) or not measured.any(axis=0).all():
+        return []
+    changed = [Misread("literal", [], measured), *_list_changes(measured)]
+    squares = _square_residuals(logs, to_joints, [x.torque for x in changed])
+    speed = logs.motion.actuated_v
+    energy = [np.sum(x.torque @ to_joints * speed, axis=0).min() for x in changed]
+    share = 0.8 if energy[0] < 0 else 0.5
+    plausible = (np.array(energy) > 0) & (squares < share * squares[0])
+    if not plausible.any():
+        return []
+    best = changed[int(np.where(plausible, squares, np.inf).argmin())]
+    motors = [gear.motors[k] for k in best.motors]
+    return [Finding("motor", what=phrase("motor", best.how, motors=motors))]
+
+
+def _square_residuals(logs: MeasuredLogs, to_joints: Array, torques: Sequence[Array]) -> Array:
+    """Return the sum of squared residuals for each torque of all motors, (k,).
+
+    Parameters
+    ----------
+    logs : MeasuredLogs
+    to_joints : (m, n)
+        Torque of the joints per torque of each motor.
+    torques : sequence of (N, m)
+        The first is the measured one, whose root mean square is the unit of each motor.
+    """
+    unit = np.sqrt(np.mean(torques[0] ** 2, axis=0))
+    to_motors = np.linalg.pinv(to_joints) / unit
+    regressor = logs.structure.model.regressor(logs.robot, logs.motion)
+    columns = np.einsum("tjp,jm->tmp", regressor, to_motors)
+    each = np.column_stack([(torque / unit).ravel() for torque in torques])
+    left = without(each, columns.reshape(len(each), -1))
+    squares: Array = np.sum(left**2, axis=0)
+    return squares
+
+
+def _list_changes(torque: Array) -> list[Misread]:
+    """Return the torque of motors (N, m) with one sign reversed, or two columns exchanged."""
+    changes = []
+    count = torque.shape[1]
+    for motor in range(count):
+        sign = np.where(np.arange(count) == motor, -1.0, 1.0)
+        changes.append(Misread("sign", [motor], torque * sign))
+    for pair in combinations(range(count), 2):
+        order = np.arange(count)
+        order[[*pair]] = pair[::-1]
+        changes.append(Misread("exchanged", [*pair], torque[:, order]))
+    return changes
