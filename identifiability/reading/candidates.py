@@ -20,6 +20,7 @@ from identifiability.foundation.quoting import toml_key
 from identifiability.foundation.rounding import join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare.preparation import has_motors
 from identifiability.logs.spikes import TURN
 from identifiability.quality import MeasuredLogs
 from identifiability.quality.hints import find_torque_scale, measure_factors
@@ -85,8 +86,9 @@ class ReadingCandidates:
 
     @property
     def names(self) -> Strings:
-        """The actuated joints."""
-        return self.logs.joints
+        """The actuated joints, or the motors that move one joint each."""
+        named = list_columns(self.logs)
+        return tuple(own or joint for own, joint in zip(named, self.logs.joints, strict=True))
 
     def is_joint(self, joint: int) -> Array:
         """Return a mask of one joint, (n,) bool."""
@@ -178,8 +180,7 @@ class ReadingCandidates:
     def with_signs(self, factor: Array) -> Reading:
         """Return torque with other signs, (n,) of 1 or -1; a stated sign is contradicted."""
         reversed_joints = [self.names[j] for j in self.measured if factor[j] < 0]
-        everywhere = len(reversed_joints) == len(self.measured)
-        subject = "all joints" if everywhere else join(reversed_joints)
+        subject = "all joints" if self._reverses_all(factor) else join(reversed_joints)
         description = f"The torque of {subject} seems to have the wrong sign"
         claims = []
         for sign in (1, -1):
@@ -191,6 +192,11 @@ class ReadingCandidates:
         remedy = f"Correct its sign in the log, or {self._write_signs(factor)}"
         return self._other(description, remedy, factor=factor)
 
+    def _reverses_all(self, factor: Array) -> bool:
+        """Return whether the torque of every motor has another sign, of factors (n,)."""
+        driven = np.isin(self.logs.joints, self.logs.robot.motor_joints)
+        return bool((factor[driven] < 0).all())
+
     def _write_signs(self, factor: Array) -> str:
         """Return the remedy for the sidecar, with all signs of the torque in one line."""
         negative = []
@@ -201,7 +207,8 @@ class ReadingCandidates:
         if not negative:
             return "remove sign from [torque] in the sidecar"
         together = f"{{{', '.join(negative)}}}"
-        value = "-1" if len(negative) == len(self.measured) else together
+        everywhere = self._reverses_all(factor) and len(negative) == len(self.measured)
+        value = "-1" if everywhere else together
         return f"say sign = {value} under [torque] in the sidecar"
 
     def rescaled(self) -> Iterator[Reading]:
@@ -317,6 +324,24 @@ class ReadingCandidates:
         order = self.literal.order.copy()
         order[list(joints)] = np.roll(joints, -1)
         return np.asarray(order)
+
+
+def list_columns(logs: MeasuredLogs) -> Strings:
+    """Return the joint or motor whose column is the torque of each joint alone, (n,).
+
+    It is empty for axes of a floating base, and for joints that a coupled motor moves with others.
+    """
+    log = logs.recordings[0]
+    gear = logs.robot.transmission
+    if gear is None or not has_motors(logs.robot, log):
+        return tuple(joint if joint in log.joints else "" for joint in logs.joints)
+    moves = gear.coupling != 0
+    names = dict.fromkeys(logs.joints, "")
+    for joint, drives in zip(logs.robot.motor_joints, moves.T, strict=True):
+        (motors,) = np.nonzero(drives)
+        if moves[motors].sum() == 1:
+            names[joint] = gear.motors[motors[0]]
+    return tuple(names.values())
 
 
 def list_legs(robot: Robot) -> list[list[int]]:

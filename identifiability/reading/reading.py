@@ -22,6 +22,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.prepare.preparation import has_motors, joint_log
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 
@@ -184,7 +185,10 @@ class Reading:
         literal : Structure
             The model of the literal reading, in whose columns `parameters` are.
         """
-        named = [joint in log.joints for joint in literal.robot.joints]
+        robot = literal.robot
+        if has_motors(robot, log):
+            log = joint_log(robot, log)
+        named = [joint in log.joints for joint in robot.joints]
         columns = np.flatnonzero(named)
         return log.changed(lambda rows, _: self._read_rows(rows, log, literal, columns))
 

@@ -33,7 +33,7 @@ from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs
 from identifiability.regression.columns import list_candidates
 
-from .candidates import CORRECT_ZERO, MOST, ReadingCandidates
+from .candidates import CORRECT_ZERO, MOST, ReadingCandidates, list_columns
 from .fit import TorqueRows, excerpt_size
 from .gravity import FirstZero, find_directions, tune_direction
 from .offsets import LogOffsets
@@ -106,8 +106,7 @@ class ReadingSearch:
         columns = logs.regression
         stands = logs.robot.base is None
         self.rows = TorqueRows.of(logs.structure, logs.samples, columns, turns_gravity=stands)
-        # Logs have no columns of a base that floats.
-        named = [joint in logs.recordings[0].joints for joint in logs.joints]
+        named = np.array(list_columns(logs)) != ""
         measured = tuple(np.flatnonzero(named & (self.rows.counts > 0)).tolist())
         self.candidates = ReadingCandidates(logs, self.literal, self.rows.turns_gravity, measured)
         self.tried = 0

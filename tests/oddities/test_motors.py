@@ -5,7 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability import analyze
+
 from .conftest import record
+
+
+def log_motors(columns, signs):
+    structure, log = record("differential-wrist")
+    gear = structure.robot.transmission
+    motors = log.tau @ np.linalg.inv(gear.ratio[:, None] * gear.coupling)
+    q = gear.motor_rate(log.q - gear.offset)
+    return structure, replace(log, q=q, tau=motors[:, columns] * signs, joints=gear.motors)
 
 
 @pytest.mark.parametrize(
@@ -18,11 +28,14 @@ from .conftest import record
     ],
 )
 def test_columns_of_coupled_motors(columns, signs, said, say):
-    structure, log = record("differential-wrist")
-    gear = structure.robot.transmission
-    motors = log.tau @ np.linalg.inv(gear.ratio[:, None] * gear.coupling)
-    q = gear.motor_rate(log.q - gear.offset)
-    spoilt = replace(log, q=q, tau=motors[:, columns] * signs, joints=gear.motors)
+    structure, spoilt = log_motors(columns, signs)
     hints = [x for x in say(structure, spoilt) if x.key == "motor"]
     assert len(hints) == len(said)
     assert all(part in hint for part, hint in zip(said, hints, strict=True))
+
+
+def test_late_torque_of_coupled_motors_is_shifted():
+    structure, log = log_motors([0, 1], 1)
+    late = replace(log, t=log.t[:-5], q=log.q[5:], tau=log.tau[:-5])
+    found = analyze(structure.robot, late, "none", quick=True)
+    assert found.alternative.delay == pytest.approx(5 * np.diff(log.t)[0], rel=0.02)

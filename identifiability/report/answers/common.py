@@ -123,10 +123,10 @@ def name_forces(text: str) -> str:
 
     Examples
     --------
-    >>> name_forces("The torque, for computed-torque control: slider1.torque, torque.csv")
-    'The force, for computed-torque control: slider1.torque, torque.csv'
+    >>> name_forces("The torque, for computed-torque control: slider1.torque, [torque]")
+    'The force, for computed-torque control: slider1.torque, [torque]'
     """
-    text = re.sub(r"(?<![-\w.])torque(?!\.)(?=s?\b)", "force", text)
+    text = re.sub(r"(?<![-\w.\[])torque(?!\.)(?=s?\b)", "force", text)
     return re.sub(r"\bTorque(?=s?\b)", "Force", text)
 
 
