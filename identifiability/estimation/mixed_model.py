@@ -266,9 +266,12 @@ BlockFolds = Sequence[tuple[Information, Information]]
 
 
 def leave_out_each(blocks: Information) -> BlockFolds:
-    """Return each block with all others, whose products are then kept."""
+    """Return each block with all others, of which only products are kept."""
     each = np.arange(len(blocks.counts))
-    return [(blocks.take(np.delete(each, k)), blocks.take(each[[k]])) for k in each.tolist()]
+    pairs = ((np.delete(each, k), each[[k]]) for k in each.tolist())
+    return [
+        (blocks.take(others).added_up(), blocks.take(block).added_up()) for others, block in pairs
+    ]
 
 
 @frozen

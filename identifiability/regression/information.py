@@ -629,6 +629,13 @@ class Information:
         what = {"counts": self.counts[kept], "data": self.data[kept], "log": self.log[kept]}
         return replace(self, parts=parts, **what)
 
+    def added_up(self) -> Information:
+        """Return the information without its rows, for questions about all blocks together."""
+        parts = tuple(replace(part, blocks=part.blocks[:0].copy()) for part in self.parts)
+        other = replace(self, parts=parts)
+        vars(other).update(_products=self._products)
+        return other
+
     def summed(self, members: Array) -> Information:
         """Return a block for each row of members (F, B): blocks counted so often, added up."""
         weights = np.asarray(members, float)

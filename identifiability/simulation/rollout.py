@@ -168,6 +168,8 @@ class CommandedRobot:
         self.model = self._forward.model
         # Diverging rollouts are not restarted.
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        if self.model.ntree == 1:  # to divide one tree into islands takes time and changes nothing
+            self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
         self.places = ServoPlaces.of(self.model, robot)
         #: The last targets of servos along logs.
         self.acting = dict[Any, Array]()
