@@ -59,10 +59,10 @@ class Run:
     seed: int = 0
     first: First | None = None
 
-    def after(self, start: float) -> Run:
-        """Return the settings of stages that begin when this share of the whole is finished."""
+    def after(self, start: float, stop: float = 1.0) -> Run:
+        """Return the settings of stages that take the whole from one share to another."""
 
         def say(text: str, share: float) -> None:
-            self.say(text, start + (1.0 - start) * share)
+            self.say(text, start + (stop - start) * share)
 
         return replace(self, say=say)

@@ -185,7 +185,7 @@ def predict_everywhere(
 
 
 #: Share of the time of an analysis of commands after which their torque is known.
-SERVOS: Tolerance = 0.65
+SERVOS: Tolerance = 0.55
 
 
 @checked
@@ -298,20 +298,24 @@ def _fit_case(
     # A model that was given is taken as it is.
     complete = ladder is None and case.model is None
     kind = settings["estimator"]
+    stages = run
+    searching = 0.75
     # The torque of servos takes more than half of the time; it is computed before the other stages.
+    # Most of the rest is the search for missing effects.
     if case.recordings(run).commanded:
         case.torque(case.first_structure(run, ladder), run)
-        run = run.after(SERVOS)
-    rows, submodels = prepare_ladder(case, source, run, method, kind, complete)
+        searching = 0.65
+        stages = run.after(SERVOS, searching)
+    rows, submodels = prepare_ladder(case, source, stages, method, kind, complete)
     check_numbers(rows.data.structure, profiled)
-    fitted = case.stages.once(compute_ladder, rows, submodels, settings["cad_prior"], run=run)
+    fitted = case.stages.once(compute_ladder, rows, submodels, settings["cad_prior"], run=stages)
     rng = np.random.default_rng(settings["seed"]).spawn(2)[1]
-    run.say("looking for missing effects", 0.75)
+    run.say("looking for missing effects", searching)
     found = conclude_analysis(fitted, rng, settings, rows.missing)
     chosen = found.chosen
     loads = report_loads(rows.data, submodels[0], chosen.error_ra, chosen.used[1])
     found = replace(found, source=source, hints=(*loads, *found.hints))
-    run.say("profiling", 0.85)
+    run.say("profiling", 0.9)
     return replace(found, profiles=profile_numbers(found, profiled))
 
 
