@@ -78,7 +78,7 @@ def count_logs(result: Laddered[Any]) -> str:
     """Return the number of fitted and of held-out logs."""
     fitted = f"{format_count(len(result.samples), 'log')} fitted"
     held = f", {len(result.validation)} held out" if result.validation else ""
-    return f"{fitted}{held}"
+    return f"{fitted}{held}".replace(" ", "\xa0")
 
 
 def drawn_torque(out: Prediction) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.linalg import TINY
@@ -23,7 +24,7 @@ from identifiability.foundation.rounding import format_count, format_number
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 
-from .answers.common import WORDS, sentence, words
+from .answers.common import VISIBLE, WORDS, sentence, words
 from .figures import break_gaps, name_torque, peak_rows, svg
 
 
@@ -229,13 +230,26 @@ class Moving:
 
     @property
     def strips(self) -> tuple[Moving, ...]:
-        """The drawings of torque: a residual beside torque has one with its own scale below."""
-        lines = dict(self.torque.lines) if self.torque is not None else {}
-        residual = lines.pop("residual", None)
-        if self.torque is None or residual is None or not lines:
+        """The drawings of torque: a residual, or a line too small to see, has its own below.
+
+        Lines that stand in the other drawing are NaN, so that each keeps its colour.
+        """
+        if self.torque is None:
             return (self,)
-        each = (lines, {"residual": residual})
-        return tuple(replace(self, torque=replace(self.torque, lines=part)) for part in each)
+        lines = {name: np.array(y) for name, y in self.torque.lines.items()}
+        sizes = {name: np.nanmax(np.abs(y), initial=0.0) for name, y in lines.items()}
+        least = VISIBLE * max(sizes.values())
+        small = [name for name, size in sizes.items() if name == "residual" or 0 < size < least]
+        if len(small) in (0, len(lines)):
+            return (self,)
+        parts = []
+        for below in (False, True):
+            shown = {
+                name: tuple(np.where((name in small) is below, y, np.nan))
+                for name, y in lines.items()
+            }
+            parts.append(replace(self, torque=replace(self.torque, lines=shown)))
+        return tuple(parts)
 
     @property
     def range(self) -> tuple[float, float]:
@@ -246,13 +260,12 @@ class Moving:
 
     @property
     def ticks(self) -> list[tuple[str, float]]:
-        """Text and height of the marks of the torque axis, from its top [%]."""
+        """Text and height of the round marks of the torque axis, from its top [%]."""
         low, high = self.range
-        middle = 100.0 * self.zero / PLOT[1]
-        marks = {0.0: high, 100.0: low}
-        if 20.0 < middle < 80.0:  # else its text would touch those of the ends
-            marks[middle] = 0.0
-        return [(format_number(value, 3), height) for height, value in marks.items()]
+        marks = MaxNLocator(3).tick_values(low, high)
+        shown = marks[(low <= marks) & (marks <= high)]
+        heights = 100.0 * (high - shown) / (high - low or 1.0)
+        return [(format_number(x, 3), y) for x, y in zip(shown, heights, strict=True)]
 
     @property
     def zero(self) -> float:
@@ -265,8 +278,8 @@ class Moving:
         """Start and width of each stretch without torque, in the box of `PLOT` pixels."""
         if self.torque is None:
             return []
-        measured, *_ = self.torque.lines.values()
-        rows = np.flatnonzero(np.isfinite(measured))
+        known = (np.isfinite(y) for y in self.torque.lines.values())
+        rows = np.flatnonzero(next(filter(np.any, known), []))
         ends = np.flatnonzero(np.diff(rows) > 1)
         x = PLOT[0] / (self.t[-1] - self.t[0]) * np.array(self.torque.t)[rows]
         begin = [(0.0, float(x[0]))] if len(x) and x[0] > 1.0 else []
@@ -293,7 +306,7 @@ class Moving:
             )
             shown = "vermilion" if name == "residual" else tone
             paths.append((name, shown, "".join(f"{'ML'[not b]}{p[0]} {p[1]}" for b, p in steps)))
-        return paths
+        return [path for path in paths if path[2]]
 
 
 def _draw_path(places: Array) -> str:

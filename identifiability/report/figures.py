@@ -489,7 +489,7 @@ def draw_curve(
     points = np.stack([x, data], 1)[rows]
     # Strokes without length are a tenth of the size of markers.
     strokes(axes, points, points, MUTED, linewidth=3.0, capstyle="round", alpha=0.6)
-    axes.plot([], [], ".", color=MUTED, label="measured minus other torque")
+    axes.plot([], [], ".", color=MUTED, label="measured less rest of model")
     order = np.argsort(x)
     along = learned[order]
     low = along - REACH * spread[order]
@@ -659,7 +659,7 @@ def draw_ladder(
     likely : (int, int), optional
         Least and largest size that is as good.
     """
-    figure, (axes,) = canvas(WIDTH, 270, (44, 8, 26, 40))
+    figure, (axes,) = canvas(WIDTH, 250, (44, 8, 26, 40))
     other, unseen, spread = (
         100 * np.where(np.isfinite(x), x, np.nan) for x in (other, unseen, spread)
     )
@@ -686,8 +686,9 @@ def draw_ladder(
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_locator(NullLocator())
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)
-    legend_above(axes, handles=[(band, line), seen], labels=["cross-validation ± σ", name])
-    label_axes(axes, "model size [parameters]", "error [% of torque variation]")
+    legend_above(axes, handles=[(band, line), seen], labels=["cross-validation (chooses)", name])
+    size = f"smaller model → [parameters, of {sizes.max():.0f}]"
+    label_axes(axes, size, "error [% of torque variation]")
     return figure
 
 

@@ -194,7 +194,7 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
     torque = np.where(gap.data, gap.tau, np.nan)[own]
     residual = np.where(gap.data[:, :, None], gap.residual, np.nan)[own]
     before = residual[..., 0]
-    lines = {"residual without": before, "with the effect": residual[..., -1]}
+    lines = {"before": before, "after": residual[..., -1]}
     t = gap.t[0]
     about = d.robot, sample.motion, t, torque, lines, sample.name, before
     return move_with_torque(*about, "explained" if d.included else "")
@@ -443,13 +443,12 @@ def inspection_heading(result: Inspection) -> tuple[str, str]:
 
 
 def inspection_moving(result: Inspection) -> Moving | None:
-    """Return the robot along the first log that can be read, with the largest torque."""
-    if not result.records:
+    """Return the robot along the log with the largest torque, of those that can be read."""
+    each = [r for r in result.records if np.isfinite(r.q).all() and np.isfinite(r.tau).all()]
+    if not each:
         return None
-    first = result.records[0]
-    if not (np.isfinite(first.q).all() and np.isfinite(first.tau).all()):
-        return None
-    still = np.zeros_like(result.records[0].q)
+    first = max(each, key=lambda record: np.abs(record.tau).max(initial=0.0))
+    still = np.zeros_like(first.q)
     t = first.t - first.clock["start"]
     motion = complete_motion(result.robot, t, first.q, still, still)
     lines = {"from commands" if "kp" in first.joints else "measured": first.tau}
@@ -681,15 +680,12 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
     worst = find_worst(result)
     joint = log.joints[worst]
     driven = "commands" if has_commands(log) else "torque"
-    sizes = [
-        f"{1e3 * run.errors[worst]:.3g} {result.unit} rms ({name})"
-        for name, run in zip(names, result.runs, strict=True)
-    ]
-    caption = sentence("rollout.motion", driven, log=log.name, joint=joint, sizes=sizes)
+    caption = sentence("rollout.motion", driven, log=log.name, joint=joint)
     moving = move_skeletons(robot, log.t, poses, lambda rows: [[*map(tell, rows)]], caption)
     if moving is None:
         return None
     off = {name: 1e3 * (q - log.q)[start:, worst] for name, (_, q) in motions.items()}
+    off["recording"] = np.full_like(off["recording"], np.nan)  # it has a colour, and no error
     times = log.t[start:] - log.t[0]
     below = Trace.of(for_svg(joint), result.unit, times, off, POINTS, "position error")
     return replace(moving, torque=below)

@@ -191,7 +191,7 @@ def set_symbols(text: str) -> Markup:
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
     escaped = re.sub(
-        r"(?<=[\d)]) (?=[%σ×]|N·|N\b|mrad|mm|kg)|(?<=\bN) (?=rms)|(?<=N·m) (?=rms)",
+        r"(?<=[\d)]) (?=[%σ×]|N·|N\b|mrad|mm|kg)|(?<=[Nmd]) (?=rms\b)",
         "\u00a0",
         escaped,
     )

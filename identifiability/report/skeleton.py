@@ -17,7 +17,7 @@ from identifiability.foundation.rounding import NONE
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import WORLD, Joint, Point, shortest_turn
 
-from .answers.common import sentence
+from .answers.common import WORDS, sentence
 from .blocks import Moving, Shape, Trace
 from .figures import POINTS
 
@@ -297,10 +297,12 @@ def move_with_torque(
     k = robot.joints.index(name)
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     how = how or ("loaded" if residual is None else "missed")
-    word = "" if how in ("changed", "hangs") else "misses "
-    sizes = np.abs(torque if residual is None else residual)[:, k]
+    word = how if how in WORDS["moving.now"] else "missed"
+    sizes = (torque if residual is None else residual)[:, k]
+    sizes = sizes if word in ("changed", "hangs") else np.abs(sizes)
     unit = robot.torque_units[k]
-    missed = [f"{word}{x:.2g}\N{NO-BREAK SPACE}{unit}" if np.isfinite(x) else NONE for x in sizes]
+    texts = (f"{x:.2g}\N{NO-BREAK SPACE}{unit}".replace("-", "−") for x in sizes)
+    missed = [NONE if "nan" in x else sentence("moving.now", word, size=x) for x in texts]
     own = {what: y[:end, k] for what, y in lines.items()}
     caption = sentence("moving", how, log=log, joint=name)
     if any(np.isnan(y).any() for y in own.values()):
@@ -311,7 +313,7 @@ def move_with_torque(
     if moving is None:
         return None
     of = {"load": "load torque", "hangs": "torque change", "changed": "torque change"}
-    of["same"] = "residual torque"
+    of |= {"same": "residual torque", "explained": "residual"}
     times = t[:end] - t[0]
     trace = Trace.of(for_svg(name), unit, times, own, POINTS, of.get(how, "torque"))
     # Times of the log, as in the plots below.

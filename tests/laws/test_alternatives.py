@@ -51,7 +51,7 @@ def test_slow_noise_is_no_effect(logs, rho):
     for seed in range(3):
         found = analyze("two-link", logs(rho, seed), replicates=20)
         assert found.missing.functions == ()
-        assert "Not yet: " not in found.statement
+        assert "With care: the model lacks" not in found.statement
 
 
 def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, tmp_path):
@@ -66,7 +66,7 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     exported = export("two-link", tmp_path / "result.json", tmp_path / "fitted.xml")
     assert f"The model lacks {name}" in exported.statement
     short = answer_first(found).answers[2].short
-    assert short.startswith(f"Not yet: the model lacks {name} (probability ")
+    assert short.startswith(f"With care: the model lacks {name} (probability ")
     assert short in found.statement
     left = LadderEntry(models=[ModelEntry(name="diagnosed", refuted=["stribeck_friction@elbow"])])
     refuted = replace(found, source=replace(found.source, entry=left))

@@ -62,7 +62,7 @@ def verbs(make_log):
 def test_a_prediction_says_which_effect_its_fit_lacks_and_how_to_find_it(analysis, make_log):
     found = analysis.predict(make_log("two-link", "b", 7))
     found = replace(found, fit=replace(found.fit, missing=("Stribeck friction in elbow",)))
-    assert "Not yet: the model lacks Stribeck friction in elbow." in found.statement
+    assert "With care: the model lacks Stribeck friction in elbow." in found.statement
     assert "diagnose(" in found.next()[0][1]
     files = replace(found, logs=("c.csv",), fit=replace(found.fit, sides=(("a.csv",), ())))
     (_, find), (told, _), _ = files.answers()[-1].commands

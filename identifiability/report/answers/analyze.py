@@ -115,16 +115,17 @@ class LadderedPresenter(PredictingPresenter):
             kind=result.validation_kind,
             interval=state_interval(result.held_out),
         )
-        cost, compared = self.compare_errors()
-        more = join_sentences(more, cost)
-        error = self.answer_error(measured_on, more, raw=result.left_out["raw"], **compared)
+        crossed, free = self.compare_errors()
+        text = join_sentences(measured_on, crossed)
+        more = join_sentences(more, free)
+        error = self.answer_error(text, more, raw=result.left_out["raw"])
         if result.moved is not None:
             error = result.moved.lead(error)
         return use, error, answer_doubt(result)
 
-    def compare_errors(self) -> tuple[str, dict[str, Any]]:
-        """Return what `answer_error` says further down and in another sentence; here nothing."""
-        return "", {}
+    def compare_errors(self) -> tuple[str, str]:
+        """Return the errors that text and details compare; here nothing."""
+        return "", ""
 
     def commands(self) -> list[Command]:
         """Return at most three lines for the terminal, the most useful first."""
@@ -300,9 +301,7 @@ class AnalysisPresenter(LadderedPresenter):
         tone = "blue" if is_nearly_real(chosen) else "amber"
         count = len(chosen.submodel)
         near = "" if is_nearly_real(chosen) else state_nearest(chosen)
-        text = join_sentences(
-            _state_known(result.robot.joints, chosen), _state_unknown(chosen), near
-        )
+        text = join_sentences(_state_known(result.robot, chosen), _state_unknown(chosen), near)
         found = found_cell(chosen).text
         return answer(about, part, text, tone, found=found, count=count)
 
@@ -385,9 +384,11 @@ def _state_unknown(chosen: ModelResult) -> str:
     return sentence("analysis.use", "open", others=len(others), labels=each)
 
 
-def _state_known(joints: Sequence[str], chosen: ModelResult) -> str:
+def _state_known(robot: Robot, chosen: ModelResult) -> str:
     """Return which frictions, rotors and how many combinations of masses are identifiable."""
     about = "analysis.use"
+    joints = robot.joints
+    passive = len(robot.tree.joints) > len(joints)
     kinds: dict[str, str] = WORDS["analysis.known"]
     words = [kinds.get(v.name.rpartition(".")[2], "masses") for v in chosen.verdicts]
     known = [v.verdict is Class.IDENTIFIABLE for v in chosen.verdicts]
@@ -398,6 +399,7 @@ def _state_known(joints: Sequence[str], chosen: ModelResult) -> str:
         lost = [place for place, k in zip(places, own, strict=True) if not known[k]]
         names = list(dict.fromkeys(lost))
         holes: dict[str, Any] = {"count": len(own) - len(lost), "total": len(own), "what": what}
+        holes["joints"] = "actuated joints" if passive else "joints"
         part = ("but" if names else "every") if {*joints} <= {*places} else "values"
         if len(names) > NAMED or (names and part == "values"):
             part = "share"

@@ -143,7 +143,7 @@ def diagnose_lines(fit: Fit) -> list[str]:
     given = f"{source_name(fit.robot)} {logs}"
     return [
         f"diagnose {given} --out model.toml --report missing.html",
-        f"analyze {given} --ladder model.toml --json refitted.json",
+        f"analyze {given} --ladder model.toml --json refit.json",
     ]
 
 

@@ -127,6 +127,7 @@ def name_forces(text: str) -> str:
     'The force, for computed-torque control: slider1.torque, [torque]'
     """
     text = re.sub(r"(?<![-\w.\[])torque(?!\.)(?=s?\b)", "force", text)
+    text = text.replace("reflected inertia", "reflected mass")
     return re.sub(r"\bTorque(?=s?\b)", "Force", text)
 
 
@@ -176,11 +177,14 @@ def command(purpose: str, line: str, **holes: Any) -> Command:
     return sentence("next", purpose, **holes), f"identifiability {line}"
 
 
-def find_command(effects: Sequence[str], line: str) -> Command:
-    """Return the line that measures effects that seem to be missing, or that finds any."""
+def find_command(effects: Sequence[str], line: str, part: str = "name") -> Command:
+    """Return the line that estimates effects that seem to be missing, or that finds any.
+
+    `part` is the key of its purpose.
+    """
     if not effects:
         return command("missing", line)
-    return command("name", line, names=effects, count=effects)
+    return command(part, line, names=effects, count=effects)
 
 
 class AnsweringPresenter(Presenter, ABC):
@@ -287,7 +291,6 @@ class PredictingPresenter(AnsweringPresenter):
         question: str = "",
         raw: float = math.nan,
         part: str = "error",
-        **holes: Any,
     ) -> Answer:
         """Return the error of the predictions, and the joint with the largest error.
 
@@ -303,8 +306,6 @@ class PredictingPresenter(AnsweringPresenter):
             Error of torque that no filter has passed.
         part : str
             Sentence of `quality` that states the error.
-        holes
-            Of this sentence.
         """
         error = self.errors()[0]
         if not np.isfinite(error):
@@ -320,13 +321,13 @@ class PredictingPresenter(AnsweringPresenter):
         more = join_sentences(about, noisier, self.state_uses(), more)
         if noisy:
             text, more = sentence("quality", "quieter"), join_sentences(text, more)
-        holes |= {"error": error, "worst": worst}
+        holes: dict[str, Any] = {"error": error, "worst": worst}
         found = answer("quality", part, text, tone, question=question, **holes)
         return replace(found, short=join_sentences(found.short, noisy), more=more)
 
     def state_uses(self) -> str:
-        """Return the tasks that the error of the predictions is small enough for."""
-        *_, grade = self._state_worst()
+        """Return the tasks that the error of every joint is small enough for."""
+        grade = self.grade_uses()
         uses = sentence("decision.uses", grade)
         if TONES[grade] != "vermilion" and self.reserved():
             uses = sentence("quality", "reserved", uses=uses)
@@ -334,9 +335,17 @@ class PredictingPresenter(AnsweringPresenter):
 
     def state_limit(self) -> str:
         """Return the error up to which a model is usually enough for these tasks."""
-        *_, grade = self._state_worst()
+        grade = self.grade_uses()
         limits = dict(zip(TONES, RULES.grades, strict=False))
         return sentence("quality", "below", limit=limits[grade]) if grade in limits else ""
+
+    def grade_uses(self) -> str:
+        """Return the grade of the joint that errs most, apart from joints whose error is noise."""
+        _, each, sizes = self.errors()
+        *_, grade = self._state_worst()
+        explained = np.where(is_noise(sizes, self.noise()), np.nan, each)
+        joint, error = worst_joint(self.result.robot.joints, explained)
+        return max(grade, grade_of(error), key=list(TONES).index) if joint else grade
 
     def _state_worst(self, part: str = "worst") -> tuple[str, str, str]:
         """Return the worst joint in words, whether its error is noise, and the grade of all."""

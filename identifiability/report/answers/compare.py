@@ -77,10 +77,14 @@ class ComparisonPresenter(AnsweringPresenter):
         tone = "vermilion" if result.changes else "green"
         only = len(result.changes) == 1
         text = join_sentences(*(_state_evidence(x, only=only) for x in result.changes))
-        text = join_sentences(text, _state_seen(result))
-        changed = Answer(question, result.answer, text, tone)
+        seen = _state_seen(result)
+        trust = _answer_trust(result)
+        if result.changes:  # else that is the answer
+            text = join_sentences(text, sentence("comparison.seen", "else"))
+            trust = replace(trust, text=join_sentences(trust.text, seen))
+        changed = Answer(question, result.answer, text or seen, tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
-        trust = replace(_answer_trust(result), more=why)
+        trust = replace(trust, more=why)
         cause = _answer_cause(result)
         return changed, *cause, trust
 
@@ -308,14 +312,16 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     probability = probability_text(change.odds) if _is_felt(change) else ""
     rivals = "; ".join(state_alternatives(change))
     more = _state_torque(change), probability, change.when, rivals
-    yield capital(change.what), "", "", "", *more
+    single = change.kind == "load" or len(change.names) == 1
+    yield capital(change.what), *(_state_number(change, 0) if single else ("",) * 3), *more
     none = ("",) * len(more)
     centred = bool(np.isfinite(change.centre[0]).all())
     for k, name in enumerate(change.names):
         moment = centred and name.endswith(MOMENTS)
         if moment or (k and abs(change.sizes[k]) <= REACH * change.sd[k]):
             continue
-        yield name, *_state_number(change, k), *none
+        if k or not single:
+            yield name, *_state_number(change, k), *none
         if centred and not k:
             yield from ((*row, *none) for row in _centre_rows(change))
 
@@ -394,22 +400,21 @@ def _least(number: Unchanged) -> str:
 def _state_seen(result: Comparison) -> str:
     """Return the least load and the least change of friction that would show at every place.
 
-    Numbers of which not even a loss would show are named.
+    Numbers of which not even a loss would show are named, and the offset that may be missed.
     """
     about = "comparison.seen"
     names = [x.what for x in result.unchanged if _is_hidden(x)]
-    each = []
-    for kind in ("load", "friction"):
-        seen = [x for x in result.unchanged if x.kind == kind and np.isfinite(x.least)]
-        own = [x for x in seen if not _is_hidden(x)]
-        if own:
-            least, share = (max(getattr(x, name) for x in own) for name in ("least", "relative"))
-            each.append(sentence(about, kind, least=least, share=share))
-    if not each:
+    shown = [x for x in result.unchanged if np.isfinite(x.least) and not _is_hidden(x)]
+    shown.sort(key=lambda x: x.least if x.kind == "load" else x.relative)
+    most = {x.kind: x for x in shown if x.kind != "gain"}
+    told = {kind: sentence(about, kind, number=x) for kind, x in most.items()}
+    below = told.pop("offset", "")
+    if not told:
         return sentence(about, "blind", names=names) if names else ""
-    but = sentence(about, "but", names=names) if names else ""
-    part = "else" if result.changes else "shown"
-    return capital(sentence(about, part, each=" or ".join(each), but=but))
+    missed = [*(sentence(about, "any", what=name) for name in names[:NAMED]), below]
+    seen = sentence(about, "shown", each=" or ".join(told.values()))
+    but = sentence(about, "missed", names=[*filter(None, missed)]) if any(missed) else ""
+    return join_sentences(capital(seen), capital(but))
 
 
 def _state_evidence(change: Change, *, only: bool) -> str:

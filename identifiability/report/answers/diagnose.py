@@ -33,6 +33,7 @@ from identifiability.workflows.wrong_bodies import find_wrong_bodies
 from .commands import compare_line, export_line, held_back, name_logs, on_file
 from .common import (
     NAMED,
+    TONES,
     VISIBLE,
     Command,
     PredictingPresenter,
@@ -85,7 +86,10 @@ class DiagnosisPresenter(PredictingPresenter):
             question = sentence("diagnosis.residual", "uses")
             left = join_sentences(self.state_limit(), self._state_worst("left")[0])
             more = sentence("laddered.measured", "about")
-            error = replace(error, question=question, short=self.state_uses(), text=left, more=more)
+            tone = TONES[self.grade_uses()]
+            tone = error.tone if tone == "green" else tone
+            about = {"question": question, "short": self.state_uses(), "tone": tone}
+            error = replace(error, text=left, more=more, **about)
         error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending
@@ -317,7 +321,9 @@ def _answer_missing(d: Diagnosis) -> Answer:
     odds = max(of_effects + of_changes, default=0.0)
     unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
     weak = unsure or not (d.included or d.problem.left_out)
-    text = _state_search(d)
+    text = join_sentences(
+        *map(partial(_state_law, d), d.effects[: len(named) == 1]), _state_search(d)
+    )
     if named and weak:
         text = join_sentences(sentence(about, "likeliest", names=short), text)
         short = sentence(about, "weak")
@@ -347,6 +353,15 @@ def _state_untried(d: Diagnosis) -> str:
         return sentence(about, "because", why=d.nothing)
     why = list(dict.fromkeys(f"{r.family} ({r.reason})" for r in d.refusals))
     return sentence(about, "refused", why=why)
+
+
+def _state_law(d: Diagnosis, e: NamedEffect) -> str:
+    """Return the equation of an effect with the shape of its curve; nothing without one shape."""
+    shapes = [*filter(None, (_state_shape(d, e.name, p) for p in e.placements))]
+    equation = find_family(e.name).effect.equation
+    return "".join(
+        sentence("diagnosis.missing", "law", equation=equation, shape=shape) for shape in shapes[:1]
+    )
 
 
 def _state_effect(e: NamedEffect) -> str:
@@ -442,7 +457,7 @@ def _answer_gap(d: Diagnosis) -> Answer:
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     holes: dict[str, Any] = {"verified": d.verified_on, "ends": " … ".join(ends)}
     interval = sentence(about, "interval", **holes) if any(d.interval) else ""
-    text = "" if interval else sentence(about, "unseen", **holes)
+    text = _state_joint(d) if interval else sentence(about, "unseen", **holes)
     reduction = d.used.reduction
     every = len(d.completed.base)
     if len(reduction) < every:
@@ -451,6 +466,14 @@ def _answer_gap(d: Diagnosis) -> Answer:
     errors: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     told = answer(about, "falls", text, tone, interval=interval, **errors)
     return replace(told, more=_state_motion(d))
+
+
+def _state_joint(d: Diagnosis) -> str:
+    """Return the error of the first joint with a named effect, without and with all of them."""
+    places = [p.place for e in d.effects[: d.included] for p in e.placements]
+    errors = d.error_frame().dropna()
+    each = errors[errors["joint"].isin(places)].to_dict("records")
+    return "".join(sentence("diagnosis.explained", "joint", **one) for one in each[:1])
 
 
 def _state_motion(d: Diagnosis) -> str:

@@ -76,7 +76,8 @@ class InspectionPresenter(AnsweringPresenter):
         if not result.records:
             return (joint_table(result),)
         frame = self.frame()
-        together = _motion_table(_join_logs(frame), _state_over(result)).without("log")
+        over = sentence("inspection.least", "over") if len(result.records) > 1 else ""
+        together = _motion_table(_join_logs(frame), over).without("log")
         each = (_motion_table(frame),) if len(result.records) > 1 else ()
         return make_table("clock", map(_clock_row, result.records)), together, *each
 
@@ -94,11 +95,6 @@ class InspectionPresenter(AnsweringPresenter):
         return by_name(self.result.base.to_frame())
 
 
-def _state_over(result: Inspection) -> str:
-    """Return that numbers are those of all logs together, where there are several."""
-    return sentence("inspection.least", "over") if len(result.records) > 1 else ""
-
-
 def _join_logs(frame: pd.DataFrame) -> pd.DataFrame:
     """Return one row a joint: its range over all logs, and its largest other numbers."""
     lowest = dict.fromkeys(("low", "torque_low"), "min")
@@ -114,10 +110,13 @@ def _motion_table(frame: pd.DataFrame, over: str = "") -> Table:
         row["position"] = span_cell(row["low"], row["high"])
         row["torque"] = span_cell(row["torque_low"], row["torque_high"])
     names = {(row["unit"], row["torque_unit"]) for row in rows}
-    units = ["{0}, {0}/s, {0}/s², {1}".format(*pair) for pair in names]
-    shown = units[0] if len(units) == 1 else "SI units"
+    alike = len(names) == 1
+    position, torque = names.pop()
+    units = {"q": f" [{position}]", "dq": f" [{position}/s]", "ddq": f" [{position}/s²]"}
+    units["tau"] = f" [{torque}]"
+    shown = units if alike else dict.fromkeys(units, "")
     kind = "commanded" if "kp" in frame else "recorded"
-    return make_table(kind, rows, units=shown, over=over)
+    return make_table(kind, rows, over=over, units="" if alike else ", in SI units", **shown)
 
 
 def _answer_usable(result: Inspection) -> Answer:
@@ -125,10 +124,7 @@ def _answer_usable(result: Inspection) -> Answer:
     about = "inspection.usable"
     odd = [hint for hint in result.hints if hint_note(hint).level == "warning"]
     if not odd:
-        dropped = [x.subject for x in result.findings if "left out" in x.done and x.subject]
-        logs = list(dict.fromkeys(dropped))
-        left = sentence("inspection.sound", "left", logs=logs) if logs else ""
-        text = sentence("inspection.sound", left=left)
+        text = sentence("inspection.sound")
         count = len(result.records)
         return answer(about, "yes" if count > 1 else "one", text, count=count)
     part = "warned" if result.warnings else "odd"
@@ -143,9 +139,12 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
     samples = int(clocks.samples.sum())
     rates = dict.fromkeys(format_number(x, 3) for x in (clocks.rate.min(), clocks.rate.max()))
     joints: Any = pd.concat([r.joints for r in result.records], ignore_index=True)
+    each = [f"{x.subject}: {x}" for x in result.findings if "left out" in x.done and x.subject]
+    left = sentence("inspection.sound", "left", each=each) if each else ""
     yield answer(
         about,
         "motion",
+        left,
         seconds=seconds,
         samples=samples,
         rates=" … ".join(rates),
@@ -166,9 +165,8 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
         if room < math.radians(1.0):
             moving = "little"
         part = "no" if still else moving
-        over = _state_over(result)
         found: dict[str, Any] = {"joint": joint, "room": room, "standing": standing}
-        yield answer(about, part, still=still, over=over, **found)
+        yield answer(about, part, still=still, **found)
 
 
 def _list_standing(joints: pd.DataFrame) -> list[str]:

@@ -54,7 +54,7 @@ class LoadPresenter(AnsweringPresenter):
         held = "".join(f" --without {path_for_shell(path)}" for path in result.without)
         out = []
         if fit and (lines := diagnose_lines(fit)):
-            again = f"payload {self.robot} refitted.json {logs} {body}{held}"
+            again = f"payload {self.robot} refit.json {logs} {body}{held} --report load.html"
             line = " && identifiability ".join((*lines, again))
             out = [command("weigh_again", line, names=fit.missing, count=fit.missing)]
         if not (result.without or result.gains):
@@ -178,11 +178,8 @@ def _answer_load(result: Load) -> Answer:
     return Answer(question, result.answer, text, tone, more=_state_readings(result))
 
 
-def _state_error(result: Load, lacks: Sequence[str]) -> str:
-    """Return the error of the load's torque at the joint that feels it most.
-
-    `lacks` are the effects that the model lacks, with their joints.
-    """
+def _state_error(result: Load) -> str:
+    """Return the error of the load's torque at the joint that feels it most."""
     torque, robot = result.estimate.torque, result.robot
     joint = int(np.nansum(torque.explained**2, axis=0).argmax())
     rms, share = (float(x[joint]) for x in torque.errors)
@@ -190,9 +187,7 @@ def _state_error(result: Load, lacks: Sequence[str]) -> str:
         return ""
     size = f"{format_number(rms, 3)} {robot.torque_units[joint]}"
     name = robot.joints[joint]
-    here = any(effect.endswith(f" in {name}") for effect in lacks)
-    lacking = sentence("payload.load", "lacking", lacks=lacks) if here else ""
-    return sentence("payload.load", "error", joint=name, rms=size, share=share, lacking=lacking)
+    return sentence("payload.load", "error", joint=name, rms=size, share=share)
 
 
 def _state_readings(result: Load) -> str:
@@ -242,9 +237,9 @@ def _answer_trust(result: Load) -> Answer:
     if lacks:
         part, text = "robot", sentence(about, "alone")
         if result.without:
-            part, text = "robot" if first or result.caveats else "paired", ""
+            text = "" if first or result.caveats else sentence(about, "paired", lacks=lacks)
             apart = sentence(about, "apart", without=shorten_paths(result.without))
-    text = join_sentences(text, _state_error(result, lacks))
+    text = join_sentences(text, _state_error(result))
     names = [c.called for c in changes]
     found = sentence(about, "found", names=names) if changes else ""
     more = join_sentences(apart, found, *result.caveats)

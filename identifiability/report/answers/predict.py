@@ -84,7 +84,8 @@ class TorquePredictionPresenter(PredictingPresenter):
         line = f"predict {self.robot} {given} {every} --out torque.csv"
         table = [command("samples", line)] if result.written("table") is None else []
         lacks = result.fit.missing
-        missing = [find_command(lacks, line) for line in diagnose_lines(result.fit)[:1]]
+        finds = diagnose_lines(result.fit)[:1]
+        missing = [find_command(lacks, line, "name_fitted") for line in finds]
         fitted = result.fit.sides[0][:1]
         if _find_few(result) and fitted and fitted[0] not in measured:
             paths = *fitted, *measured
@@ -344,14 +345,16 @@ def _answer_positions(result: PositionPrediction) -> Answer:
     names = name_runs(result, "the ")
     late = [f"{1e3 * np.median(result.runs[k].delays):.3g} ms ({names[k]})" for k in order]
     delays = sentence(about, "delays", late=late) if any(map(has_commands, result.logs)) else ""
+    span = state_span(result)
     least, most = totals.min(), totals.max()
     if most > (1 + VISIBLE) * least > 0 and len(_list_units(result)) == 1:
         near, far = name_runs(result, "The ")[order[0]], names[order[1]]
         size, other = (_state_size(result, result.runs[k].errors) for k in order)
         holes = {"near": near, "far": far, "size": size, "other": other, "times": most / least}
         short = sentence(about, "nearer", **holes)
+        span = join_sentences(sentence(about, "times", **holes), span)
     tone = "green" if _moves_better(result) else "blue" if len(totals) == 1 else "amber"
-    return Answer(sentence(about, "question"), short, state_span(result), tone, more=delays)
+    return Answer(sentence(about, "question"), short, span, tone, more=delays)
 
 
 def _answer_motion(result: PositionPrediction) -> Answer:

@@ -71,10 +71,15 @@ class LadderPresenter(LadderedPresenter):
         others = sentence(about, "others", low=sizes[0], high=sizes[1]) if sizes else ""
         return replace(found, more=join_sentences(why, rule, others))
 
-    def compare_errors(self) -> tuple[str, dict[str, Any]]:
-        """Return the cost of consistency, and the errors of the estimates as in the figure."""
-        own = _compare_errors(self.result)
-        return (_state_cost(self.result) if own else ""), own
+    def compare_errors(self) -> tuple[str, str]:
+        """Return the errors of the model to use and of all parameters, as of the figure."""
+        result = self.result
+        errors = [m.unseen_by(0) for m in (result.chosen, result.full)]
+        if result.nothing or not np.isfinite(errors).all() or result.chosen is result.full:
+            return "", ""
+        size = len(result.full)
+        free = sentence("pruning.use", "free", error=errors[0], full=errors[1], size=size)
+        return _state_cost(result), free
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and that the choice is stable if it is."""
@@ -104,18 +109,6 @@ def _state_cost(result: Ladder) -> str:
     if not (result.validation and np.isfinite(each).all()):
         return ""
     return sentence("pruning.use", "cost", error=each[0], full=each[1], size=len(result.full))
-
-
-def _compare_errors(result: Ladder) -> dict[str, Any]:
-    """Return the errors of the model to use and of all parameters, and the sentence that has both.
-
-    Only estimates of two models compare: larger models have no physically consistent values.
-    """
-    errors = [m.unseen_by(0) for m in (result.chosen, result.full)]
-    if result.nothing or not np.isfinite(errors).all() or result.chosen is result.full:
-        return {}
-    part = "exported" if result.chosen.physical_used else "compared"
-    return {"part": part, "free": errors[0], "full": errors[1], "size": len(result.full)}
 
 
 def _state_dropped(result: Ladder) -> str:

@@ -89,5 +89,5 @@ def span_cell(low: float, high: float, unit: str = "", digits: int = 3) -> Cell:
 def make_column(
     holes: dict[str, Any], /, title: str, look: Any = "text", hint: str = "", **told: Any
 ) -> Column:
-    """Return a column as `tables.toml` states it, with the holes of its hint filled."""
-    return Column(title, FORMATS.get(look, look), hint=hint.format(**holes), **told)
+    """Return a column as `tables.toml` states it, with the holes of title and hint filled."""
+    return Column(title.format(**holes), FORMATS.get(look, look), hint=hint.format(**holes), **told)

@@ -111,7 +111,10 @@ def say_excluded_offsets(result: ModelResult) -> Finding | str:
     """Return parameters, with joints, that only a model without torque offsets identifies."""
     pairs = zip(result.verdicts, result.fit.excluded, strict=True)
     sure = (pair for pair in pairs if pair[1] and pair[0].verdict is Class.IDENTIFIABLE)
-    names = [f"{v.name} from an offset of {join(joints)}" for v, joints in sure]
+    names = [
+        f"an offset of {join(joints)} looks like {'the combination ' * (' ' in v.label)}{v.name}"
+        for v, joints in sure
+    ]
     return Finding("excluded_offsets", names=names) if names else ""
 
 
