@@ -87,6 +87,8 @@ def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
     ((_, _, path),) = above.plot
     assert below.plot[0][1] == "vermilion"
     assert below.range == (0.0, 0.5)
+    small = {"before": torque, "after": 0.01 * torque}  # its error has a scale of its own
+    assert len(move_with_torque(robot, motion, t, torque, small, "run").strips) == 2
     assert drawn.gaps == [pytest.approx((400 * 249 / 399, 400 * 11 / 399))]
     page = render_page(Page("a", summary=(Answers((), (drawn,)),)))
     assert path in page
