@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from .errors import IdentifiabilityError, listing, near_match
@@ -65,6 +65,13 @@ def name_estimates(
             unit=unit,
             **{"details": {}, **told},
         )
+
+
+def explain_combination(groups: Sequence[str]) -> str:
+    """Return that a parameter is part of the named base parameters; empty without one."""
+    if not groups:
+        return ""
+    return f"motion determines it only in combination, as part of {listing(groups, 4)}."
 
 
 class UnknownNameError(IdentifiabilityError, KeyError):

@@ -14,7 +14,8 @@ from scipy.linalg import null_space
 from identifiability.effects import FAMILIES
 from identifiability.effects.measurement import ClockError, TimeDelay, TorqueOffset
 from identifiability.effects.springs import GravitySpring
-from identifiability.foundation.errors import ModelError, listing
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.keyed import explain_combination
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
@@ -131,19 +132,16 @@ class BaseParameters:
         """Labels of all groups."""
         return tuple(self.label(row) for row in range(len(self)))
 
-    def groups_of(self, name: str) -> list[str]:
-        """Return the base parameters whose group has a standard parameter."""
-        members = ({p.name for _, p in self.terms(row)} for row in range(len(self)))
-        return [kept for kept, of in zip(self.names, members, strict=True) if name in of]
-
     def explain_absence(self, name: str) -> str:
         """Return why a standard parameter is no base parameter; empty for any other name."""
         if name in self.without_effect:
             return "it never changes the torque of this robot."
-        groups = self.groups_of(name)
-        if name in self.names or not groups:
-            return ""
-        return f"motion determines it only in combination, as part of {listing(groups, 4)}."
+        groups = [
+            self.names[row]
+            for row in range(len(self))
+            if name in [parameter.name for _, parameter in self.terms(row)]
+        ]
+        return explain_combination([] if name in self.names else groups)
 
     @cached_property
     def nonnegative(self) -> np.ndarray:

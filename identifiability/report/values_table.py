@@ -117,7 +117,9 @@ class _ModelRows:
 
     def _explain_absence(self, name: str) -> str:
         """Return in which combinations a parameter is that has no value alone."""
-        groups = self.structure.base.groups_of(name)
+        base = self.structure.base
+        members = ({p.name for _, p in base.terms(row)} for row in range(len(base)))
+        groups = [n for n, of in zip(base.names, members, strict=True) if name in of]
         others = [n for n in groups if n in self.known and n != name]
         if others:
             return sentence("values", "combined", names=others)
