@@ -88,7 +88,7 @@ def photograph(page: Path, path: Path, width: int = 1280, height: int = 900) -> 
         subprocess.run(command, check=True, capture_output=True)
         image = Image.open(shot).convert("RGB")
         smaller = image.resize((width * 3 // 4, height * 3 // 4), Image.Resampling.LANCZOS)
-        smaller.quantize(128).save(path, optimize=True)
+        smaller.quantize(128, kmeans=1).save(path, optimize=True)
 
 
 def describe_picture(result: Result, picture: Path) -> dict[str, object]:
