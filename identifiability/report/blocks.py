@@ -262,7 +262,7 @@ class Moving:
     def ticks(self) -> list[tuple[str, float]]:
         """Text and height of the round marks of the torque axis, from its top [%]."""
         low, high = self.range
-        marks = MaxNLocator(3).tick_values(low, high)
+        marks = np.asarray(MaxNLocator(3).tick_values(low, high))
         shown = marks[(low <= marks) & (marks <= high)]
         heights = 100.0 * (high - shown) / (high - low or 1.0)
         return [(format_number(x, 3), y) for x, y in zip(shown, heights, strict=True)]

@@ -581,7 +581,7 @@ def _list_drives(robot: Robot, joints: Sequence[str]) -> Sequence[str]:
     if coupled is None:
         return joints
     moved = [name in joints for name in robot.joints]
-    drives = coupled.coupling[:, moved].any(axis=1)
+    drives = np.any(coupled.coupling[:, moved] != 0, axis=1).tolist()
     return [motor for motor, drive in zip(coupled.motors, drives, strict=True) if drive]
 
 

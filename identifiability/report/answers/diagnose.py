@@ -88,8 +88,8 @@ class DiagnosisPresenter(PredictingPresenter):
             more = sentence("laddered.measured", "about")
             tone = TONES[self.grade_uses()]
             tone = error.tone if tone == "green" else tone
-            about = {"question": question, "short": self.state_uses(), "tone": tone}
-            error = replace(error, text=left, more=more, **about)
+            short = self.state_uses()
+            error = replace(error, question=question, short=short, tone=tone, text=left, more=more)
         error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending
@@ -472,8 +472,11 @@ def _state_joint(d: Diagnosis) -> str:
     """Return the error of the first joint with a named effect, without and with all of them."""
     places = [p.place for e in d.effects[: d.included] for p in e.placements]
     errors = d.error_frame().dropna()
-    each = errors[errors["joint"].isin(places)].to_dict("records")
-    return "".join(sentence("diagnosis.explained", "joint", **one) for one in each[:1])
+    own = errors[errors["joint"].isin(places)]
+    if own.empty:
+        return ""
+    joint, before, after = own[["joint", "before", "after"]].iloc[0]
+    return sentence("diagnosis.explained", "joint", joint=joint, before=before, after=after)
 
 
 def _state_motion(d: Diagnosis) -> str:

@@ -114,7 +114,7 @@ def _motion_table(frame: pd.DataFrame, over: str = "") -> Table:
     position, torque = names.pop()
     units = {"q": f" [{position}]", "dq": f" [{position}/s]", "ddq": f" [{position}/s²]"}
     units["tau"] = f" [{torque}]"
-    shown = units if alike else dict.fromkeys(units, "")
+    shown: dict[str, Any] = units if alike else dict.fromkeys(units, "")
     kind = "commanded" if "kp" in frame else "recorded"
     return make_table(kind, rows, over=over, units="" if alike else ", in SI units", **shown)
 
