@@ -609,10 +609,11 @@ def is_unknown_age(share: Share, robot: Robot) -> bool:
 
 
 def _conclude_known(search: Search, known: MissingEffects) -> MissingEffects:
-    """Return the same for those known effects that a model still lacks."""
+    """Return the same for those known effects that a model still lacks, on fitted rows."""
     groups = {g.key: g for g in search.model.groups}
     lacking = (replace(t, group=groups[t.key]) for t in known.named if t.key in groups)
-    return _conclude(search, search.model.update_terms(tuple(lacking)))
+    terms = search.model.update_terms(tuple(lacking))
+    return _conclude(search, tuple(t for t in terms if t.odds >= RULES.name))
 
 
 def _at_places(judged: Judged, k: int) -> Term:

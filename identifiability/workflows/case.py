@@ -24,7 +24,7 @@ import numpy as np
 
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.effects.friction import PassiveJointFriction
-from identifiability.effects.measurement import ClockError, TimeDelay, TorqueScale
+from identifiability.effects.measurement import ClockError, EncoderBias, TimeDelay, TorqueScale
 from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
@@ -1034,9 +1034,17 @@ def _describe_misread(shares: Sequence[Share], robot: Robot) -> Finding:
 
 
 def complete_model(data: Data, shares: Sequence[Share]) -> Data:
-    """Return data whose model also has some effects that were found missing."""
+    """Return data whose model also has some effects that were found missing.
+
+    Joints share a clock, and one scale of all joints is a scale of all masses, so these are given
+    to all joints. A zero is of one encoder, and hardly determined at the last joints.
+    """
     given, terms = data.structure.model, [s.term for s in shares]
-    texts = (f"{t.group.family}@{t.group.place}" for t in terms)
+    texts = []
+    for term in terms:
+        family, place = term.key
+        shown = family == EncoderBias.name and place == EVERYWHERE
+        texts.append(f"{family}@{'+'.join(term.places) if shown else place}")
     model = replace(Model.of(*given.texts, *texts), random=given.random)
     physical = [t for t in terms if t.group.family == PassiveJointFriction.name]
     said = [Finding("completed", what=list(map(describe_term, physical)))] if physical else []
@@ -1047,7 +1055,9 @@ def complete_model(data: Data, shares: Sequence[Share]) -> Data:
     structure = Structure.of(data.robot, model)
     regression = structure.regression(data.samples)
     found = replace(data, structure=structure, regression=regression, hints=hints)
-    return replace(found, lacked=data.missing)
+    keys = {t.key for t in terms}
+    rest = tuple(t for t in data.missing.named if t.key not in keys)
+    return replace(found, lacked=replace(data.missing, named=rest))
 
 
 def apply_to_structure(reading: Reading, structure: Structure) -> Structure:
