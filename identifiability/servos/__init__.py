@@ -21,6 +21,7 @@ from .odd_joints import find_odd_joints
 from .positions import forgotten
 from .rollouts import Rollouts
 from .standing import state_standing
+from .start import settle_joints
 from .torque import compute_torque, replace_servo, servo_log
 from .windows import changing_commands
 
@@ -42,6 +43,7 @@ __all__ = [
     "roll_delayed",
     "select_commanded",
     "servo_log",
+    "settle_joints",
     "state_gains",
     "state_standing",
 ]

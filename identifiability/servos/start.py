@@ -18,6 +18,7 @@ from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot, sta
 
 from .positions import encoder_noise, explicable
 from .problem import RolloutProblem
+from .standing import find_standing
 from .windows import Window
 
 #: Natural frequencies of a servo and its load that are tried [rad/s].
@@ -41,15 +42,25 @@ def start_rollouts(
     plain = drop_follower_friction(robot)
     machine = CommandedRobot(robot, plain, guess)
     delay = servo.delay or 0.0
+    balanced, unknown_scale = balance_torque(machine, servo, windows, delay)
+    stands = ~np.any([window.moves for window in windows], axis=0)
     numbers = machine.numbers()
+    settled = settle_joints(machine, {**numbers, "kp": balanced["kp"]}, stands)
+
+    def with_standing(one: Mapping[str, Array]) -> dict[str, Array]:
+        return {kind: np.where(stands, settled[kind], x) for kind, x in one.items()}
+
+    numbers = with_standing(numbers)
     if not servo.unknown.any() and np.all(_errors(machine, numbers, delay, windows) < 1):
         return machine, numbers
-    balanced, unknown_scale = balance_torque(machine, servo, windows, delay)
-    tried: list[Mapping[str, Array]] = [numbers, balanced]
+    of_scale = CommandedRobot(robot, plain, replace(guess, kp=balanced["kp"]))
+    held = find_held(of_scale, windows)
+    tried = [numbers, with_standing(hold_by_friction(balanced, held))]
     errors = np.array([_errors(machine, one, delay, windows) for one in tried])
     if np.any(errors[-1] >= 1):
         known = replace(servo, kp=np.where(unknown_scale, servo.kp, balanced["kp"]))
-        grid = [*_list_numbers(machine, known, windows[0].rows)]
+        listed = _list_numbers(machine, known, windows[0].rows)
+        grid = [with_standing(hold_by_friction(one, held)) for one in listed]
         of_grid = [_errors(machine, one, delay, windows) for one in grid]
         tried = [*tried, *grid]
         errors = np.array([*errors, *of_grid])
@@ -61,11 +72,46 @@ def start_rollouts(
     return CommandedRobot(robot, plain, replace(guess, kp=chosen["kp"], ki=chosen["ki"])), chosen
 
 
+def settle_joints(
+    machine: CommandedRobot, numbers: Mapping[str, Array], joints: np.ndarray
+) -> dict[str, Array]:
+    """Return joints' numbers with which some joints, (n,) bool, settle where the file states none.
+
+    Logs do not determine the numbers of joints whose commands stand. A link without rotor and
+    friction would ring, a light one faster than rollouts step. It gets those of a servo that
+    settles within two coarse steps.
+    """
+    step = COARSE * STEP
+    kp = numbers["kp"]
+    needed = np.maximum(kp * step**2 - machine.bare, 0.0)
+    is_light = joints & (needed > numbers["Ia"])
+    is_bare = joints & (numbers["Ia"] + numbers["Fv"] + numbers["Fc"] + numbers["kv"] == 0)
+    damping = np.maximum(2.0 * kp * step - numbers["kv"], numbers["Fv"])
+    settled = {"Ia": needed, "Fv": damping}
+    changes = is_light | is_bare
+    return {kind: np.where(changes, settled.get(kind, x), x) for kind, x in numbers.items()}
+
+
+def find_held(machine: CommandedRobot, windows: Sequence[Window]) -> Array:
+    """Return how far dry friction holds joints off commands that stand, (n,) [rad or m].
+
+    It is zero where too few commands stand.
+    """
+    sources = {window.log: window.source for window in windows}
+    each = find_standing(machine, [*sources.values()])
+    return np.array([max(rests.split()[1], 0.0) if rests.is_judged else 0.0 for rests in each])
+
+
+def hold_by_friction(numbers: Mapping[str, Array], held: Array) -> dict[str, Array]:
+    """Return joints' numbers with dry friction that holds joints off commands, (n,) [rad or m]."""
+    return {**numbers, "Fc": np.maximum(numbers["Fc"], numbers["kp"] * held)}
+
+
 def restart_joints(problem: RolloutProblem, x: Array, joints: np.ndarray) -> Array:
     """Return a vector in which some joints begin again, from the best of the grid.
 
     The other joints and the delays keep their numbers. A joint that begins again with an unknown
-    gain gets the median gain of the others.
+    gain gets the median gain of the others, and the friction that holds it off its commands.
 
     Parameters
     ----------
@@ -78,8 +124,12 @@ def restart_joints(problem: RolloutProblem, x: Array, joints: np.ndarray) -> Arr
     usual = np.median(others)
     kp = np.where(joints & problem.varied[problem.at("kp")], usual, numbers["kp"])
     machine = problem.machine
-    grid = _list_numbers(machine, replace(machine.servo, kp=kp), problem.logs[0])
-    tried = [x, *(problem.replace_numbers(x, one, joints) for one in grid)]
+    known = replace(machine.servo, kp=kp)
+    plain = drop_follower_friction(machine.robot)
+    held = find_held(CommandedRobot(machine.robot, plain, known), problem.windows)
+    grid = _list_numbers(machine, known, problem.logs[0])
+    held_grid = (hold_by_friction(one, held) for one in grid)
+    tried = [x, *(problem.replace_numbers(x, one, joints) for one in held_grid)]
     shares = np.array([problem.missed(problem.roll([one], COARSE * STEP)[0]) for one in tried])
     best = shares.argmin(0)
     for joint in np.flatnonzero(joints):
@@ -152,6 +202,9 @@ def balance_torque(
     told = unknown & (turned > np.max(noise, axis=0)) & ~integrates
     gains = np.where(told, 1 / or_one(slope[3]), np.nan)
     usual = float(np.nanmedian(gains)) if told.any() else 1.0
+    # About an upright axis hardly any gravity is left, whose slope is that of other torque.
+    felt = np.sqrt(np.mean(gravity**2, axis=0)) / usual
+    told &= felt > np.max(noise, axis=0)
     gains = np.where(unknown, np.where(told, gains, usual), servo.kp)
     factor = np.where(unknown, gains, 1.0)
     dry, viscous, inertia, offset = factor * slope

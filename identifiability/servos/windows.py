@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -62,9 +63,32 @@ def cut_windows(logs: Sequence[Log]) -> list[Window]:
             windows.append(Window.of(k, log, 0, len(log)))
             continue
         count = max(int(budget / WINDOW), 1)
-        starts = np.linspace(0, len(log) - length, count).astype(int)
+        starts = place_windows(log, length, count)
         windows += [Window.of(k, log, start, start + length) for start in starts.tolist()]
     return windows
+
+
+def place_windows(log: Log, length: int, count: int) -> np.ndarray:
+    """Return the rows at which windows of some rows begin, (count,) int.
+
+    Windows are equally spaced. If they miss most of the way of a joint's command, they lie where
+    commands move instead, and no two overlap.
+    """
+    last = len(log) - length
+    even = np.linspace(0, last, count).astype(int)
+    ways = np.concatenate([np.abs(np.diff(x, axis=0)) for x in _commands(log)], axis=1)
+    ways = ways[:, np.ptp(ways, axis=0) > 0]
+    shares = ways / ways.sum(0)
+    inside = np.sum([shares[start : start + length].sum(0) for start in even], axis=0)
+    if np.all(inside > 0.5 * count * length / len(log)):
+        return even
+    activity = shares.mean(1) + 1 / len(shares)
+    done = np.cumsum(activity) / activity.sum()
+    centres = np.searchsorted(done, (np.arange(count) + 0.5) / count)
+    apart = length * np.arange(count)
+    # Each window begins after the one before it ends, and leaves room for the others.
+    after = np.maximum.accumulate(centres - length // 2 - apart)
+    return np.clip(after, 0, len(log) - count * length) + apart
 
 
 def thin_windows(windows: Sequence[Window]) -> list[Window]:
@@ -90,8 +114,12 @@ def moving_commands(log: Log) -> np.ndarray:
 
 def changing_commands(log: Log) -> np.ndarray:
     """Return which commands move by more than the noise of positions, (n,) bool."""
-    commands = [x for x in (log.q_ref, log.dq_ref, log.tau_ff) if x is not None]
     # The standard deviation of a constant is not zero by rounding, but that of zeros is.
-    sizes = [np.std(x - x[0], axis=0) for x in commands]
+    sizes = [np.std(x - x[0], axis=0) for x in _commands(log)]
     noise = encoder_noise(log)
     return np.asarray(np.max(sizes, axis=0) > noise)
+
+
+def _commands(log: Log) -> list[Array]:
+    """Return the commands of a log, (N, n) each."""
+    return [x for x in (log.q_ref, log.dq_ref, log.tau_ff) if x is not None]
