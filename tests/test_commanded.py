@@ -375,7 +375,8 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
     assert state_delay([0.0078, 0.0079], "ab") == told
 
 
-def test_a_delay_of_stiff_drives_is_not_taken_for_damping(tmp_path):
+@pytest.mark.parametrize("slide", [0.0, 0.002])
+def test_neither_stiff_drives_nor_friction_that_builds_up_hide_a_delay(tmp_path, slide):
     (tmp_path / "stiff.xml").write_text(STIFF)
     robot = Robot.load(tmp_path / "stiff.xml")
     rng = default_rng(5)
@@ -384,7 +385,8 @@ def test_a_delay_of_stiff_drives_is_not_taken_for_damping(tmp_path):
     moves = np.sin(2 * np.pi * turns) @ (1, 0.5, 0.33, 0.25) * (0.3, 0.8)
     frame = pd.DataFrame(np.tile(moves, 2), t, ["x.q", "b.q", "x.cmd", "b.cmd"])
     log = read(robot, frame.rename_axis("t").reset_index())
-    q = CommandedRobot(robot, {"x.Fv": 160.0}).roll(log, delay=0.004)
+    servo = replace(robot.servo, slide=np.array([0.0, slide]))
+    q = CommandedRobot(robot, {"x.Fv": 160.0}, servo).roll(log, delay=0.004)
     found = fit_rollouts(robot, [replace(log, q=q + 1e-6 * rng.standard_normal(q.shape))], {})
     assert_allclose(found.delays, 0.004, atol=3e-4)
 

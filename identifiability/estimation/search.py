@@ -547,17 +547,19 @@ def find_missing(
     """Return the effects that a model with all columns of a regression may lack.
 
     Rows that were held out may only take a name away: these are the last log, or the last part of
-    the only one, if no other rows were held out. Where commands were lost (`irregular`), no delay
-    of a joint is looked for: a lost command that is not detected acts like one.
+    the only one, if no other rows were held out. Where commands were lost (`irregular`), or dry
+    friction builds up over a distance, no delay of a joint is looked for: lost commands that are
+    not detected, and friction that reverses late, act like one.
 
     Effects that are `known` were found in the same rows. The model has got some of them since, and
     lacks the others. Joints with `play` show no other effects, nor do those that share a link with
     them: the play is in their torque.
     """
     every = find_families(None, commanded=commanded)
-    families = [f for f in every if not (irregular and f.name == CommandDelay.name)]
-    whole = Missing.of(regression, families, structure.present)
     robot = structure.robot
+    hides_delays = irregular or (robot.servo is not None and robot.servo.slide.any())
+    families = [f for f in every if not (hides_delays and f.name == CommandDelay.name)]
+    whole = Missing.of(regression, families, structure.present)
     spoilt = _share_a_link(robot, play)
     missing = replace(whole, seen=whole.seen.leave_out(spoilt))
     if commanded or robot.base is not None:

@@ -61,6 +61,8 @@ class Servo:
         The rollouts that determined them.
     play : (n,) [rad or m]
         Play between the measured motors and their loads; empty for none.
+    slide : (n,) [rad or m]
+        Distance over which dry friction builds up; empty for none.
     ki : (n,) [N·m/(rad·s) or N/(m·s)]
         Integral gains; NaN if they are to be fitted, and empty for none.
     doubt : (g, 3 n)
@@ -80,6 +82,7 @@ class Servo:
     found: str = ""
     rolled: Any = None
     play: Array = np.zeros(0)
+    slide: Array = np.zeros(0)
     ki: Array = np.zeros(0)
     doubt: Array = np.zeros((0, 0))
 

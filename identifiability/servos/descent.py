@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -144,7 +146,7 @@ def follow_valley(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     for _ in range(RENEWED):
         weights = problem.weights(end.q)
         before = weights * problem.residual(end.q, end.x)
-        x, squares = _best_shift(problem, end, weights)
+        x, squares = _best_shift(problem, end, end.x, weights)
         if squares > VALLEY * (before @ before):
             break
         moved = descend(problem, x, BEGUN)
@@ -155,7 +157,45 @@ def follow_valley(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     return end
 
 
-def _best_shift(problem: RolloutProblem, end: SearchEnd, weights: Array) -> tuple[Array, float]:
+def bend_friction(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
+    """Return where a search ends if dry friction may also build up over a distance.
+
+    Real friction reverses some milliseconds after the speed. Coulomb friction reverses with the
+    speed, so that commands seem to act too early and viscous friction seems too large. The distance
+    of each joint that follows its command is varied from then on, if that explains the errors.
+
+    Parameters
+    ----------
+    problem : RolloutProblem
+    end : SearchEnd
+        Of this search.
+    """
+    if not problem.varied[problem.delays].any():
+        return end
+    weights = problem.weights(end.q)
+    before = np.sum((weights * problem.residual(end.q, end.x)) ** 2)
+    follows = problem.moves.any(0) & (problem.missed(end.q) < RULES.rollout_contradicted)
+    distances = problem.at("slide")[follows]
+    trials = []
+    for share in (1.0, 0.1):
+        bent = end.x.copy()
+        bent[distances] = share * problem.by[distances]
+        trials.append(_best_shift(problem, end, bent, weights))
+    x, squares = min(trials, key=itemgetter(1))
+    if squares > before - BEGUN:
+        return end
+    problem.varied[distances] = True
+    moved = descend(problem, x, BEGUN)
+    after = np.sum((weights * problem.residual(moved.q, moved.x)) ** 2)
+    if after < before - BEGUN:
+        return moved
+    problem.varied[distances] = False
+    return end
+
+
+def _best_shift(
+    problem: RolloutProblem, end: SearchEnd, start: Array, weights: Array
+) -> tuple[Array, float]:
     """Return the vector of the most promising shift, and its weighted squares.
 
     The other numbers make a step after the shift.
@@ -164,6 +204,8 @@ def _best_shift(problem: RolloutProblem, end: SearchEnd, weights: Array) -> tupl
     ----------
     problem : RolloutProblem
     end : SearchEnd
+    start : (p,)
+        Vector near this end whose commands are shifted.
     weights : (r,)
         Of the residual.
     """
@@ -173,7 +215,7 @@ def _best_shift(problem: RolloutProblem, end: SearchEnd, weights: Array) -> tupl
     squares = []
     xs = []
     for later in problem.dt * SHIFTS:
-        x = shift_commands(problem, end.x, later)
+        x = shift_commands(problem, start, later)
         residual = weights * problem.residual(problem.roll([x])[0], x)
         step, promised = damped_step(problem, x, end.J, residual, VARIED)
         squares.append(residual @ residual - promised)

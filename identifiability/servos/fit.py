@@ -21,7 +21,7 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import CommandedRobot
 
-from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend, follow_valley
+from .descent import BEGUN, ENOUGH, SearchEnd, bend_friction, conclude, descend, follow_valley
 from .first_answer import FirstAnswer
 from .problem import LATER, RolloutProblem
 from .rollouts import KINDS, Rollouts, are_contradicted
@@ -84,7 +84,7 @@ def fit_rollouts(
     end = leave_bounds(problem, end)
     if first is not None and len(windows) > len(logs):
         first(answer_first(robot, logs, problem, end))
-    end = follow_valley(problem, end)
+    end = follow_valley(problem, bend_friction(problem, end))
     if not are_contradicted(problem.missed(end.q)):
         problem.windows = windows
         problem.varied[problem.bodies] = True
@@ -268,7 +268,7 @@ def list_free(asked: Servo, start: Servo, windows: Sequence[Window], delay: floa
     """
     logs = [window.rows for window in windows]
     free = dict.fromkeys(KINDS, np.ones(len(asked.kp), bool))
-    free["play"] = free["limit"] = np.zeros(len(asked.kp), bool)
+    free["slide"] = free["play"] = free["limit"] = np.zeros(len(asked.kp), bool)
     free["kp"] = np.isnan(asked.kp)
     free["ki"] = np.isnan(asked.integral)
     # Commanded speeds, or a limit, tell kv from friction: only a servo's torque is limited.

@@ -107,6 +107,9 @@ def follow_commands(
         )
     except RobotError as error:
         return _without_rollouts(recordings, servo, error), structure
+    servo = replace(servo, slide=found.numbers["slide"])
+    robot = replace(robot, servo=servo)
+    structure = replace(structure, robot=robot)
     say("checking each joint", 0.45)
     moved, irregular, found = locate_commands(structure, logs, found, how, rng.spawn(1)[0])
     if servo.rolled and irregular:
@@ -356,11 +359,20 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     held = 1e3 * np.where(servo.kp > 0, found.numbers["Fc"], 0.0) / servo.gain
     k = int(np.argmax(held))
     resting = phrase("commands", "held", joint=robot.joints[k], most=held[k])
+    slides = _state_slides(robot, 1e3 * found.numbers["slide"])
     undamped = _undamped_joints(robot, servo, np.concatenate([log.tau for log in logs]))
     damped = phrase("commands", "damped", joints=undamped) if undamped else ""
     standing = state_standing(CommandedRobot(robot, found.parameters), logs)
-    texts = (servo.found, made, standing, resting, damped, servo.state_lags())
+    texts = (servo.found, made, standing, resting, slides, damped, servo.state_lags())
     return " ".join(filter(None, texts))
+
+
+def _state_slides(robot: Robot, slide: Array) -> str:
+    """Return over which distance dry friction builds up, (n,) [mrad or mm], most of all."""
+    if not slide.any():
+        return ""
+    k = int(np.argmax(slide))
+    return phrase("commands", "slides", joint=robot.joints[k], most=slide[k])
 
 
 def _undamped_joints(robot: Robot, servo: Servo, torque: Array) -> list[str]:

@@ -450,6 +450,7 @@ def list_steps(machine: CommandedRobot, logs: Sequence[Log]) -> list[Array]:
         "Fv": damping,
         "Fc": torque,
         "off": torque,
+        "slide": LATER * PLAY / VARIED * ones,
         "play": PLAY / VARIED * ones,
         "limit": torque,
         "ki": servo.kp,  # it acts within a second

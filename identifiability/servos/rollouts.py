@@ -13,7 +13,7 @@ from identifiability.foundation.values import frozen
 
 #: Kinds of numbers of each joint: rotor, viscous and dry friction, offset; play of the gear, limit
 #: of the torque and integral gain, where errors ask for them; gains, where they are unknown.
-KINDS = ("Ia", "Fv", "Fc", "off", "play", "limit", "ki", "kv", "kp")
+KINDS = ("Ia", "Fv", "Fc", "off", "slide", "play", "limit", "ki", "kv", "kp")
 
 
 @frozen

@@ -59,6 +59,22 @@ _INTEGRATES = {
 }
 
 
+#: Dry friction that builds up over a distance [Dahl 1968]: MuJoCo bends bristles.
+_BRISTLES = {
+    "gear": [1, 0, 0, 0, 0, 0],
+    "gaintype": mujoco.mjtGain.mjGAIN_DCMOTOR,
+    "gainprm": [1, *[0] * 9],
+    "biastype": mujoco.mjtBias.mjBIAS_DCMOTOR,
+    "biasprm": [0, 0, 0, 1, 1, 1, 0, 0, 0, 0],
+    "dyntype": mujoco.mjtDyn.mjDYN_DCMOTOR,
+    "dynprm": [0, 0, 0, 0, 0, 1, 0, 0, 0, 0],
+    "ctrlspec": 16,
+    "actearly": True,
+    "ctrllimited": False,
+    "forcelimited": False,
+}
+
+
 def mixed_axes(robot: Robot) -> dict[str, dict[str, float]]:
     """Return motors and stated axes that mix joints, each with the coefficient of every joint."""
     return {a.name: dict(a.weights) for a in robot.axes if a.mixed}
@@ -183,6 +199,7 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int, kind: Any) -> None:
         trntype=kind,
         **options,
     )
+    spec.add_actuator(name=f"dry friction of {joint}", target=joint, trntype=kind, **_BRISTLES)
     if kind == _JOINT and servo.play.any() and servo.play[k] > 0:
         like = spec.joint(joint)
         ends = 0.5 * servo.play[k] * np.array([-1.0, 1.0])

@@ -176,6 +176,9 @@ class CommandedRobot:
         #: Actuators of the joints, which also subtract offsets.
         numbers = [self.model.actuator(j).id for j in robot.joints]
         self.actuators = np.array(numbers, int)
+        #: Actuators of dry friction that builds up over a distance.
+        bristles = [self.model.actuator(f"dry friction of {j}").id for j in robot.joints]
+        self.bristles = np.array(bristles, int)
         joints, lines = self._forward.bias
         tendons = [cable.name for cable in robot.cables]
         own = self.places.is_joint
@@ -270,6 +273,7 @@ class CommandedRobot:
             "Fv": damping,
             "Fc": friction,
             "off": self.offset.copy(),
+            "slide": self.servo.slide if self.servo.slide.size else 0.0 * friction,
             "ki": self.servo.integral,
             "kv": self.servo.kv,
             "kp": self.servo.kp,
@@ -352,7 +356,11 @@ class CommandedRobot:
         v += (begin - 0.5 * h) * a0
         start = np.zeros(mujoco.mj_stateSize(model, _STATE))
         start[1 : 1 + model.nq], start[1 + model.nq :][: len(v)] = q, v
-        start[1 + model.nq + model.nv :][: model.na] = integrals
+        # Friction has acted since before the start.
+        bent = model.actuator_biasprm[self.bristles, 3] / model.actuator_dynprm[self.bristles, 5]
+        activations = integrals.copy()
+        activations[model.actuator_actadr[self.bristles]] = np.sign(speed) * bent
+        start[1 + model.nq + model.nv :][: model.na] = activations
         states, _ = rollout.rollout(
             model,
             data,
@@ -376,8 +384,9 @@ class CommandedRobot:
         until the first of the rows are added.
         """
         own = servo.integral > 0
+        out = np.zeros(model.na)
         if not own.any():
-            return np.zeros(0)
+            return out
         constant = model.actuator_biasprm[self.actuators, 0]
         load = (self.gravity(source.q[:1])[0] - constant)[own]
         ki = servo.integral[own]
@@ -385,7 +394,6 @@ class CommandedRobot:
         held = -np.expm1(-ki / servo.kp[own] * duration)
         past = source.rows(0, np.searchsorted(source.t, log.t[0], side="right"))
         added = sum_errors(past, servo, delay, signals.sampling_step(log.t))[own]
-        out = np.zeros(model.na)
         out[model.actuator_actadr[self.actuators[own]]] = held * load / ki + added
         return out
 
@@ -408,9 +416,9 @@ class CommandedRobot:
         model.eq_solref[:], model.eq_solimp[:, :2] = stiff, HARD
         damping = np.maximum(numbers["Fv"], 0.0)
         places.write(model, "damping", damping)
-        places.write(model, "frictionloss", np.maximum(numbers["Fc"], 0.0))
         servo = self.servo.having(numbers)
         whole = self.bare + numbers["Ia"]
+        self._set_friction(model, numbers, whole)
         taken = -servo.lead + 0.5 * h * (damping + servo.damping)
         # A file without rotors may state less inertia than a servo of this rate can control.
         places.write(model, "armature", numbers["Ia"] - np.minimum(taken, LITTLE * whole))
@@ -431,6 +439,19 @@ class CommandedRobot:
         model.actuator_forcerange[self.actuators] = less[:, None] * ends
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
+
+    def _set_friction(self, model: Any, numbers: Mapping[str, Array], whole: Array) -> None:
+        """Set dry friction, which may build up over a distance, of joints of some inertia (n,)."""
+        friction = np.maximum(numbers["Fc"], 0.0)
+        slide = numbers.get("slide", np.zeros(len(friction)))
+        builds_up = (slide > 0) & (friction > 0)
+        self.places.write(model, "frictionloss", np.where(builds_up, 0.0, friction))
+        # The step must follow the bristles.
+        least = 0.5 * friction * model.opt.timestep**2 / whole
+        distance = np.where(builds_up, np.maximum(slide, least), 1.0)
+        level = np.where(builds_up, friction, 1e-12)
+        model.actuator_biasprm[self.bristles, 3:5] = level[:, None]
+        model.actuator_dynprm[self.bristles, 5] = level / distance
 
 
 def sum_errors(log: Log, servo: Servo, delay: float, dt: float) -> Array:
