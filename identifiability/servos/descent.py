@@ -182,12 +182,12 @@ def bend_friction(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
         bent[distances] = share * problem.by[distances]
         trials.append(_best_shift(problem, end, bent, weights))
     x, squares = min(trials, key=itemgetter(1))
-    if squares > before - BEGUN:
+    if squares > VALLEY * before:
         return end
     problem.varied[distances] = True
     moved = descend(problem, x, BEGUN)
     after = np.sum((weights * problem.residual(moved.q, moved.x)) ** 2)
-    if after < before - BEGUN:
+    if after < VALLEY * before:
         return moved
     problem.varied[distances] = False
     return end
