@@ -13,8 +13,15 @@ from functools import cached_property
 import numpy as np
 
 from identifiability.effects import Family, find_families
-from identifiability.effects.friction import PassiveJointFriction, RisingFriction
+from identifiability.effects.friction import (
+    PassiveJointFriction,
+    QuadraticFriction,
+    RisingFriction,
+    SigmoidFriction,
+    StribeckFriction,
+)
 from identifiability.effects.measurement import ClockError, CommandDelay, TimeDelay, TorqueScale
+from identifiability.effects.springs import PositionTorque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
 from identifiability.foundation.names import Array
@@ -150,7 +157,7 @@ def _judge_confirmed(
     standing = {t.key for t in kept}
     news = ((t, gains[t.key]) for t in found if t.key not in standing)
     refuted = tuple(x for x in (*refuted, *news) if x[0].key not in standing)
-    kept = search.model.update_terms(tuple(t for t in kept if places[t.key]))
+    kept = search.model.update_terms(_pay_prices(search, kept, places))
     if search.unseen is None:  # these rows are among the fitted ones already
         kept, gains = tuple(replace(t, unseen=0.0) for t in kept), {}
     return Judged(search, kept, gains, places, refuted, possible)
@@ -230,6 +237,13 @@ def further_gains(search: Search, terms: Terms) -> Terms:
 
 #: Families of errors in the times of a log: no approximations, so they leave nothing to others.
 CLOCKS = (ClockError.name, TimeDelay.name)
+#: Laws of friction at a speed, whatever the position.
+AT_SPEEDS = (
+    StribeckFriction.name,
+    RisingFriction.name,
+    SigmoidFriction.name,
+    QuadraticFriction.name,
+)
 #: Families that a joint which sticks at reversals may imitate.
 LATE_FRICTION = (RisingFriction.name, Hysteresis.name)
 
@@ -347,6 +361,31 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Weak]:
     return places, tuple(possible)
 
 
+def _pay_prices(search: Search, terms: Terms, places: Places) -> Terms:
+    """Return the terms with places whose torque there is worth the price of the name.
+
+    A family everywhere pays its price once, for all its places. If some of them leave, those that
+    stay must be worth it by themselves: it counts the names tried [Scott & Berger 2010].
+    """
+    kept = tuple(t for t in terms if places[t.key])
+    parts = tuple(_at_some(search, t, places[t.key]) for t in kept)
+    asked = search.model.update_terms(parts)
+    worth = [own.odds >= RULES.name for own in asked]
+    fewer = [part.size < t.size for t, part in zip(kept, parts, strict=True)]
+    return tuple(t for t, some, pays in zip(kept, fewer, worth, strict=True) if pays or not some)
+
+
+def _at_some(search: Search, term: Term, places: Collection[str]) -> Term:
+    """Return a term with the columns of some places alone."""
+    candidates = (c for some in search.missing.sets[term.key] for c in some)
+    used = [k for c in candidates if c.place in places for k in c.columns]
+    columns = np.array(used) + search.missing.fixed
+    members = (at[np.isin(at, columns)] for at in term.group.members)
+    shapes = tuple(at for at in members if len(at))  # places may have fewer shapes
+    group = replace(term.group, members=shapes)
+    return replace(term, group=group, member=min(term.member, len(shapes) - 1))
+
+
 def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
     """Return the terms removed in a round: at most one of a place and of a family, the worst.
 
@@ -363,14 +402,19 @@ def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Te
 
 
 def _split_places(search: Search, found: Terms) -> tuple[list[tuple[str, str]], Terms]:
-    """Return terms of one place each, and the keys of the terms whose parts they are."""
+    """Return terms of one place each, and the keys of the terms whose parts they are.
+
+    A sum of all shapes of a family is a curve, which no equation names.
+    """
     owners, terms = list[tuple[str, str]](), list[Term]()
     for k, term in enumerate(found):
         candidates = find_candidates(search, found, k)
         price = float(np.log(len(candidates)))  # the family has paid its price
+        curve = term.group.unnamed or term.member == len(search.missing.sets[term.key])
+        part = replace(term.group, price=price, unnamed=curve)
         for c in candidates:
             columns = np.array(c.columns) + search.missing.fixed
-            group = replace(term.group, place=c.place, members=(columns,), price=price)
+            group = replace(part, place=c.place, members=(columns,))
             owners.append(term.key)
             terms.append(replace(term, group=group, member=0))
     return owners, tuple(terms)
@@ -417,6 +461,9 @@ def _gains_left_out(model: MixedModel, terms: Terms, folds: BlockFolds) -> tuple
 def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
     """Return whether a term explains more than errors of the likeliest law there.
 
+    A curve along the position is no law with a form: it errs along the position alone, and not as
+    one law of friction at a speed does.
+
     The error of a law is a smooth function of the same coordinates. It is in the model as the
     function of this joint that replaces the law best. A scale of the torque must gain in addition
     to it. An error of clocks must be as large as in other joints. Other effects are as small on
@@ -425,6 +472,9 @@ def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:
     term = terms[k]
     if term.group.family in CLOCKS:
         return _has_one_clock(model, terms, k)
+    law = term.group.family in AT_SPEEDS and not term.group.unnamed
+    if law and terms[likeliest].group.family == PositionTorque.name:
+        return True
     if term.group.family != TorqueScale.name:
         return False
     instead = model.gains(without(terms, likeliest))

@@ -46,15 +46,12 @@ def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_
     fitted = logs_of("five-bar", f"{ripple}=0.05")[:4]
     held = logs_of("five-bar")[4]
     d = diagnose("five-bar", fitted, held, effects=["position_ripple"], quick=True)
-    assert d.effects == ()
     (refuted,) = d.refuted
     assert (refuted.name, refuted.place) == ("position_ripple", "left_shoulder")
     assert refuted.before > 1 > refuted.unseen
     assert d.to_ladder().models[0].refuted == ["position_ripple@left_shoulder"]
     assert d.model.names == d.base
-    assert d.held_after == d.held_before
-    assert "No missing effect was found" in d.details
-    assert "Position ripple in left_shoulder stood out from the fitted motion" in d.details
+    assert "Position ripple in left_shoulder stood out" in d.details
     assert d.to_frame().empty
     page = d.write_report(tmp_path / "d.html").read_text()
     assert "Not confirmed by the motion that verifies" in page
@@ -67,9 +64,9 @@ def test_what_was_named_has_odds_beside_the_model_alone(diagnosis):
     assert np.isnan(own.after)
 
 
-def test_a_fixed_simulation_can_miss_a_payload(diagnosis_of):
+def test_a_fixed_simulation_can_miss_a_payload(diagnosis_of, named):
     d = diagnosis_of("two-link", "payload=0.1", fixed=True, effects=OF_POSTURE, forward=True)
-    assert [(e.name, e.joints) for e in d.effects] == [("payload", ("link2",))]
+    assert named(d) == [("payload", ("link2",))]
     without = diagnosis_of("two-link", fixed=True, effects=OF_POSTURE)
     assert d.held_after < 1.2 * without.held_before
     assert without.effects == ()

@@ -64,6 +64,19 @@ def test_both_verbs_name_a_scale_and_one_clock_beside_stronger_friction(
     assert "a wrong scale of the torque in elbow." in found.details
 
 
+FEW = ("torque_offset", "joint_stiffness", "stribeck_friction", "quadratic_friction")
+
+
+def test_friction_stands_beside_a_curve_and_lends_its_odds_to_no_other_joint(diagnosis_of):
+    """A curve along the position does not err along the speed. A law may, and hides friction."""
+    friction = "stribeck_friction@elbow=0.1"
+    both = diagnosis_of("two-link", "position_torque@elbow=1", friction)
+    assert [e.name for e in both.effects] == ["position_torque", "stribeck_friction"]
+    hidden = "joint_stiffness@elbow=2", friction, "stribeck_friction@shoulder=0.003"
+    (spring,) = diagnosis_of("two-link", *hidden, effects=FEW).effects
+    assert spring.name == "joint_stiffness"
+
+
 def test_analyze_says_which_names_explain_as_much(logs_of):
     found = analyze("scara", logs_of("scara", "joint_stiffness@shoulder=0.05"), replicates=0)
     assert " or spring with an unknown rest in " in found.missing.statement
@@ -153,9 +166,7 @@ def test_friction_of_all_joints_but_one_is_named_in_these_joints_alone(
     """Most joints are not all joints."""
     joints = tuple(f"joint_{k}" for k in range(2, 7))
     hidden = f"stribeck_friction@{'+'.join(joints)}=0.05"
-    d = diagnosis_of(
-        "six-dof-arm", hidden, effects=("stribeck_friction", "torque_offset", "quadratic_friction")
-    )
+    d = diagnosis_of("six-dof-arm", hidden, effects=FEW)
     assert named(d) == [("stribeck_friction", joints)]
     found = analyze("six-dof-arm", logs_of("six-dof-arm", hidden), replicates=0)
     assert "in joint_2, joint_3, joint_4, joint_5 and joint_6" in found.details

@@ -17,18 +17,16 @@ def study(tmp_path_factory):
     ("rows", "size"),
     [
         (7, 1.0),
-        pytest.param(30, 1.0, marks=pytest.mark.everything),
-        pytest.param(7, 3.0, marks=pytest.mark.everything),
-        pytest.param(30, 3.0, marks=pytest.mark.everything),
+        *(pytest.param(*c, marks=pytest.mark.everything) for c in [(30, 1.0), (7, 3.0), (30, 3.0)]),
     ],
 )
-def test_a_burst_leaves_the_study_its_name_and_its_error(rows, size, study):
+def test_a_burst_leaves_the_study_its_name_and_its_error(rows, size, study, named):
     burst = pd.read_csv(study / "run1.csv")
     effort = burst["joint_2.tau"]
     burst.loc[375 : 375 + rows - 1, "joint_2.tau"] += size * effort.std()
     logs = [burst, study / "run2.csv"]
     found = diagnose(study / "robot.urdf", logs, study / "run3.csv", forward=False, quick=True)
-    assert [(e.name, e.joints) for e in found.effects] == [("stribeck_friction", ("joint_2",))]
+    assert named(found) == [("stribeck_friction", ("joint_2",))]
     (placed,) = found.effects[0].placements
     assert placed.peak <= placed.values[0]
     assert found.held_after < 0.0125

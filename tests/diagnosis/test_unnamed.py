@@ -46,10 +46,11 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     ("hidden", "found"),
     [("free_spring", "function_of_position"), ("torque_offset", "torque_offset")],
 )
-def test_an_offset_is_a_part_of_a_spring_without_a_name_and_else_an_offset(logs_of, hidden, found):
+def test_an_offset_is_a_part_of_a_spring_without_a_name_and_else_an_offset(
+    logs_of, named, hidden, found
+):
     """The offset is named first, as it is cheaper; of a spring it leaves half of the error."""
     logs = logs_of("two-link", f"{hidden}@elbow=0.1")
     known = ["torque_offset", "coulomb_asymmetry", *FUNCTIONS]
     d = diagnose("two-link", logs[:4], logs[4], effects=known, forward=False)
-    ((name, joints),) = [(e.name, e.joints) for e in d.effects]
-    assert (name, joints) == (found, ("elbow",))
+    assert named(d) == [(found, ("elbow",))]

@@ -34,7 +34,7 @@ def test_the_rotor_of_the_first_joint_is_its_links_inertia(logs_of):
     assert found["actuator_inertia", "joint_1"] <= 0
 
 
-def test_what_is_missing_in_logs_without_noise_is_named(tmp_path):
+def test_what_is_missing_in_logs_without_noise_is_named(named, tmp_path):
     """A simulator's torque is exact: beside all that may be missing rounding alone is left."""
     robot = Robot.load("two-link")
     rng = np.random.default_rng(0)
@@ -44,5 +44,5 @@ def test_what_is_missing_in_logs_without_noise_is_named(tmp_path):
     shapes = [random_trajectory(robot, rng) for _ in range(3)]
     logs = [simulate(str(stiff), shape) for shape in shapes]
     found = diagnose(robot, logs[:2], logs[2:], quick=True)
-    assert [(e.name, e.joints) for e in found.effects] == [("joint_stiffness", ("elbow",))]
+    assert named(found) == [("joint_stiffness", ("elbow",))]
     assert found.held_after < 1e-6 < 0.01 < found.held_before
