@@ -283,8 +283,10 @@ class AnalysisPresenter(LadderedPresenter):
 
     def asked(self) -> tuple[Answer, ...]:
         """Return the recommended model, its error, its reliability, and the profiled numbers."""
-        profiles = [curve for curve in self.result.profiles if not is_width(curve)]
-        profiled = [answer_profiles(profiles, self.result.shapes)] if profiles else []
+        result = self.result
+        profiles = [curve for curve in result.profiles if not is_width(curve)]
+        shown = bool(of_key(result.hints, "alternative"))
+        profiled = [answer_profiles(profiles, result.shapes, shown)] if profiles else []
         return (
             *super().asked(),
             *profiled,

@@ -12,11 +12,22 @@ from identifiability.foundation.rounding import format_number
 from .common import answer, sentence
 
 
-def answer_profiles(profiles: Sequence[Profile], shapes: Mapping[str, float]) -> Answer:
-    """Return the regions of all profiles, and which stated shapes lie outside of them."""
+def answer_profiles(
+    profiles: Sequence[Profile], shapes: Mapping[str, float], shown: bool
+) -> Answer:
+    """Return the regions of all profiles, and which stated shapes lie outside of them.
+
+    Parameters
+    ----------
+    profiles, shapes
+    shown : bool
+        Whether the logs show the errors of measurement that the model has: together they are not
+        zero, even if one of them may be.
+    """
     said = list[str]()
     for curve in profiles:
-        said.append(state_region(curve))
+        misread = curve.number.name.endswith((".lead", ".delay"))
+        said.append(state_region(curve, limits=not (shown and misread)))
         lower, upper = curve.region
         stated = shapes.get(curve.number.name, lower)
         if not lower <= stated <= upper:
@@ -34,8 +45,8 @@ def is_width(curve: Profile) -> bool:
     return family is not None and family.flexible
 
 
-def state_region(curve: Profile) -> str:
-    """Return the 95 % region of a number, and the simpler models that the logs do not exclude."""
+def state_region(curve: Profile, *, limits: bool = True) -> str:
+    """Return the 95 % region of a number, and simpler models that the logs do not exclude."""
     lower, upper = (format_number(end, 3) for end in curve.region)
     part = {
         (False, False): "both",
@@ -45,7 +56,7 @@ def state_region(curve: Profile) -> str:
     }[curve.open]
     holes = {"name": curve.number.name, "unit": curve.number.unit, "lower": lower, "upper": upper}
     region = sentence("analysis.bounds", part, **holes)
-    return " ".join([region, *state_limits(curve)])
+    return " ".join([region, *state_limits(curve)]) if limits else region
 
 
 def state_limits(curve: Profile) -> list[str]:
