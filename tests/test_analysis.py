@@ -135,6 +135,12 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
     vendor = save_robot(robot, values, tmp_path / "fitted.xml")
     found = analyze(vendor, log, "none", replicates=0)
     assert "robot file: link2.mx" in found.warnings[0]
+    small = {n: 0.05 * x for n, x in robot.nominal.items() if "link2." in n}
+    file = save_robot(robot, small, tmp_path / "light.xml")
+    sprung = replace(log, tau=log.tau + np.array([0.0, 0.3]) * log.q**3)
+    light, lacks = (analyze(file, x, "none", replicates=0).warnings for x in (log, sprung))
+    assert "Bodies of the stated size have no such values" in light[-1]
+    assert "The model may lack torque along the position in elbow" in lacks[-1]
     frame = found.file_frame().set_index("name")
     assert set(frame.index[:2]) == {"elbow.Fv", "link2.mx"}
     assert "shoulder.Fc" not in frame.index  # zero states nothing

@@ -179,7 +179,8 @@ class LadderedPresenter(PredictingPresenter):
         stated = [np.nan if x is None else x for x in stated_values(result, result.full)]
         values = np.array([v.value for v in verdicts])
         known = values, np.array(stated), np.array(judged)
-        contradicted = state_contradicted(result.fit, result.full.submodel, *known)
+        missing = [(t.group.family, describe_term(t)) for t in result.missing.ordered]
+        contradicted = state_contradicted(result.fit, result.full.submodel, *known, missing)
         logs = self.error_frame().query("of == 'log'")
         errors = logs["error"].fillna(logs["error_validation"]).to_numpy(float)
         uneven = state_uneven_log([*logs["name"]], errors)

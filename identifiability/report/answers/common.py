@@ -17,6 +17,12 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 
 from identifiability.effects import find_family
+from identifiability.effects.springs import (
+    FreeSpring,
+    GravitySpring,
+    JointStiffness,
+    PositionTorque,
+)
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Note
 from identifiability.foundation.errors import listing
@@ -506,7 +512,12 @@ def _head_check(checks: Sequence[str]) -> str:
 
 
 def state_contradicted(
-    fit: Fit, submodel: Submodel, values: Array, stated: Array, sigma: Array
+    fit: Fit,
+    submodel: Submodel,
+    values: Array,
+    stated: Array,
+    sigma: Array,
+    missing: Sequence[tuple[str, str]],
 ) -> list[Finding]:
     """Return the bodies of the robot file that the logs contradict, the surest and largest first.
 
@@ -522,6 +533,8 @@ def state_contradicted(
         Its k parameters over the base parameters.
     values, stated, sigma : (k,)
         By the logs, by the file, and the standard error of the first; nan where unknown.
+    missing : sequence of (str, str)
+        Families of effects that the model may lack, each with its name and place in words.
     """
     base = fit.structure.base
     wrong = find_wrong_bodies(fit)
@@ -535,23 +548,39 @@ def state_contradicted(
     matters = off > Thresholds().sigma_percent / 100 * size
     far = _of_bodies(base, submodel) & (sigmas > RULES.contradicted)
     each = [_state_wrong_bodies(wrong)] if wrong.hypotheses else []
+    reach = _list_reach(fit.structure, submodel)
     if (far & matters).any():
         # A value that the file states as zero is small beside its body.
-        share = off / np.maximum(size, _list_typical(fit.structure, submodel))
+        share = off / np.maximum(size, reach)
         for k in np.argsort(-sigmas * share).tolist():
             if far[k]:
                 both = [stated_text(float(x[k]), float(sigma[k])) for x in (stated, values)]
                 each.append(f"{_state_both(submodel, base, k, both)} ({sigmas[k]:.0f} σ)")
     if not each:
         return []
-    advice = "Correct"
-    heavier = wrong.hypotheses[0][0] if wrong.change > 0 else ""
-    if heavier in last_bodies(fit.robot):
-        advice = phrase("contradicted", "tool", body=heavier)
+    effects = [text for family, text in missing if family in LIKE_WEIGHT]
+    large = np.abs(values) > RULES.contradicted * reach
     springs = [place for place, kind in wrong.hypotheses if kind == "spring"]
+    impossible = bool((far & matters & large).any())
+    advice = _advise(wrong, last_bodies(fit.robot), effects, impossible=impossible)
     look = phrase("contradicted", "at" if springs else "anywhere", joints=springs)
     commanded = bool(fit.servo)
     return [Finding("contradicted", values=each, advice=advice, look=look, commanded=commanded)]
+
+
+def _advise(
+    wrong: WrongBodies, last: Sequence[str], effects: Sequence[str], *, impossible: bool
+) -> str:
+    """Return what to do before bodies are corrected: the model may lack an effect instead."""
+    if effects:
+        return phrase("contradicted", "lacks", effects=effects)
+    if impossible:
+        return phrase("contradicted", "impossible")
+    heavier = wrong.hypotheses[0][0] if wrong.change > 0 else ""
+    if heavier in last:
+        return phrase("contradicted", "tool", body=heavier)
+    sprung = any(kind == "spring" for _, kind in wrong.hypotheses)
+    return phrase("contradicted", "sprung") if sprung else "Correct"
 
 
 def _state_both(submodel: Submodel, base: BaseParameters, k: int, both: Sequence[str]) -> str:
@@ -566,13 +595,22 @@ def _state_both(submodel: Submodel, base: BaseParameters, k: int, both: Sequence
     return f"{name} = {file} {submodel.units[k]} in the file, {logs} by the logs"
 
 
-def _list_typical(structure: Structure, submodel: Submodel) -> Array:
-    """Return the size that each value of a body may have: m, m·r or m·r², else zero, (k,)."""
+#: Torque that acts as the weight of bodies does: along the position alone.
+LIKE_WEIGHT = (
+    JointStiffness.name,
+    FreeSpring.name,
+    GravitySpring.name,
+    PositionTorque.name,
+    "function_of_position",
+)
+
+
+def _list_reach(structure: Structure, submodel: Submodel) -> Array:
+    """Return the size that each value may have by bodies of the file: of m, m·r and m·r², (k,)."""
     at = structure.inertial
     sizes = np.zeros(len(structure.columns))
     sizes[at] = entry_scale(*natural_scale(structure.nominal[at]))
-    of_names = dict(zip(structure.columns, sizes.tolist(), strict=True))
-    return np.array([of_names.get(name, 0.0) for name in submodel.columns])
+    return np.abs(submodel.inverse @ structure.G) @ sizes
 
 
 def _state_wrong_bodies(wrong: WrongBodies) -> str:

@@ -155,7 +155,9 @@ class DiagnosisPresenter(PredictingPresenter):
         unknown = np.abs(fit.base_unknown).max(1, initial=0.0) > ROUNDOFF
         sigma = np.where(unknown, np.inf, sigma)
         stated = result.completed.nominal_base
-        return (*seen, *state_contradicted(fit, full_model(base), fit.base, stated, sigma))
+        possible = [(x.name, name_place(x.name, x.place)) for x in result.possible]
+        known = fit.base, stated, sigma
+        return (*seen, *state_contradicted(fit, full_model(base), *known, possible))
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""
