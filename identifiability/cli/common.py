@@ -170,7 +170,8 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
         if (left := len(table.rows) - shown) > 0:
             where = "the page" if any(p.suffix == ".html" for p in written) else "--report"
             print_end([f"{format_count(left, 'row')} below them: {where} shows them all."])
-    print_end(hints if every else [f"{format_count(len(hints), 'hint')}: see -v."] if hints else [])
+    brief = [f"{format_count(len(hints), 'hint')}: see -v."] if hints else []
+    print_end(hints if every else brief)
     print_next(result)
     print_end([], written)
 

@@ -126,7 +126,8 @@ def largest_load(span: Span) -> tuple[float, ...]:
     """Return the largest load of the motions at an axis [N·m or N]."""
     axis = next(a for a in span.robot.axes if a.name == span.joint)
     loads = [rigid_load(Along(span.robot, m, axis)) for m in span.motions]
-    return (max(float(np.abs(x).max(initial=0.0)) for x in loads) or 1.0,)
+    largest = [float(np.abs(x).max(initial=0.0)) for x in loads]
+    return (max(largest) or 1.0,)
 
 
 #: Duration where none is given [s].

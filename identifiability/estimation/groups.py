@@ -106,7 +106,8 @@ class Excerpt:
         each = [t[log == k] for k in np.unique(log)]
         closed = (np.append(signals.has_gap(own), True) for own in each)
         ends = np.concatenate([[], *closed])
-        runs = tuple(pairwise([0, *(np.flatnonzero(ends) + 1).tolist()]))
+        stops = np.flatnonzero(ends) + 1
+        runs = tuple(pairwise([0, *stops.tolist()]))
         kinds = ("W", "tau", "raw", "data")
         X, y, raw, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in kinds)
         own = split_runs(runs, data)

@@ -270,11 +270,8 @@ class Dask(Engine):
             with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1PB"}):
                 sent = self.client.submit(bytes, cloudpickle.dumps(function), pure=False)
             submit = partial(self.client.submit, run_pickled, sent, pure=False)
-            yield from in_order(
-                submit,
-                items,
-                max(1, sum(self.client.ncores().values())),
-            )
+            cores = sum(self.client.ncores().values())
+            yield from in_order(submit, items, max(1, cores))
         except (CancelledError, CommClosedError, RPCClosed):
             raise EngineError(Finding("cluster.lost", self.scheduler)) from None
         except KilledWorker:

@@ -295,6 +295,7 @@ def shorten_paths(paths: Sequence[str]) -> list[str]:
         folders = (place if colon else topic).split("/")
         ends = ("/".join(folders[k:]) for k in reversed(range(len(folders))))
         labels = (f"{end}:/{topic}" if colon else end for end in ends)
-        own = (x for x in labels if all(not p.endswith(f"/{x}") for p in every - {f"/{path}"}))
+        others = every - {f"/{path}"}
+        own = (x for x in labels if all(not p.endswith(f"/{x}") for p in others))
         out.append(next(own, path))
     return out

@@ -303,7 +303,8 @@ def design_effect(events: Array, among: Array) -> float:
     if not independent > 0 or trials < 2:
         return 0.0
     left = count - share * size
-    return float(left @ left / size.sum() ** 2 * trials / (trials - 1) / independent)
+    variance = left @ left / size.sum() ** 2 * trials / (trials - 1)
+    return float(variance / independent)
 
 
 def each_share(events: Array) -> tuple[Share, ...]:

@@ -61,7 +61,8 @@ def _key(name: str, base: Base) -> str:
     parts = [p for p in re.split(r"[\[\]()./ ]+", name) if p]
     owners = {*OWNERS, base.body.lower(), base.title.lower()}
     at = [k for k, p in enumerate(parts) if p.lower() in owners]
-    found = re.fullmatch(r"(.*?)_*([xyzw0-2])", "_".join(parts[at[-1] + 1 :]).lower() if at else "")
+    quantity = "_".join(parts[at[-1] + 1 :]) if at else ""
+    found = re.fullmatch(r"(.*?)_*([xyzw0-2])", quantity.lower())
     if found is None or found[1] not in _KINDS:
         return ""
     kind = _KINDS[found[1]]
@@ -194,7 +195,8 @@ def _mean_acceleration(
     """
     step = signals.sampling_step(t)
     rotation = scipy.spatial.transform.Rotation
-    moves = rotation.from_rotvec(0.5 * (omega[1:] + omega[:-1]) * step).as_matrix()
+    mean = 0.5 * (omega[1:] + omega[:-1])
+    moves = rotation.from_rotvec(mean * step).as_matrix()
     turns = accumulate(moves, np.matmul, initial=np.eye(3))
     turn = rotation.from_matrix(np.stack([*turns]))
     # After this time gravity corrects the gyroscope [s].

@@ -927,7 +927,8 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
     dates = as_dates(given, 0)
     if dates is not None and len(dates):
         start = int(dates.iloc[0])
-        day = f"{np.datetime64(start, 'ns').astype('datetime64[s]')}".replace("T", " ")
+        second = np.datetime64(start, "ns").astype("datetime64[s]")
+        day = f"{second}".replace("T", " ")
         what = "are durations" if given.dtype.kind == "m" else f"are dates, from {day} on"
         note = f"the times {what}, and were read in seconds from the first"
         return naming.timed(note, dates=start, factor=1.0)

@@ -245,7 +245,8 @@ class Gaps:
         steps = self.length / self.step
         # Whole up to this share of a step, which of uneven steps a quarter is: else no
         # clock.
-        whole = len(self) and float(np.median(np.abs(steps - np.rint(steps)))) < 0.125
+        apart = np.abs(steps - np.rint(steps))
+        whole = len(self) and float(np.median(apart)) < 0.125
         # Few gaps, however long, split a log into stretches: pauses, or windows of a long log.
         often = len(self) > RULES.small * samples
         # More gaps are lost samples only where half of them are whole steps.

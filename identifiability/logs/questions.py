@@ -128,7 +128,8 @@ def split_names(names: Sequence[str]) -> tuple[str, list[str], str]:
 def _common_start(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return the first items that all rows have in common."""
     places = zip(*rows, strict=False)
-    return [items[0] for items in takewhile(lambda items: len({*items}) == 1, places)]
+    alike = takewhile(lambda items: len({*items}) == 1, places)
+    return [items[0] for items in alike]
 
 
 def _settles(rule: MapRule, names: Mapping[str, str], others: set[str]) -> bool:

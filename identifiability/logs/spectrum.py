@@ -144,7 +144,8 @@ def _average_steps(windows: Sequence[Array], dt: float) -> tuple[Sequence[Array]
     if block < 2:
         return windows, dt
     rows = len(windows[0]) // block
-    return [x[: rows * block].reshape(rows, block, -1).mean(1) for x in windows], dt * block
+    blocks = (x[: rows * block].reshape(rows, block, -1) for x in windows)
+    return [x.mean(1) for x in blocks], dt * block
 
 
 def spectra_of(windows: Sequence[Array], dt: float, order: int = 2) -> list[Spectrum]:

@@ -482,15 +482,14 @@ def _most_room(
     unit = np.eye(4).reshape(16, 1)
     one = np.broadcast_to(unit, (len(maps), 16, 1))
     last = np.eye(1 + rows.shape[1])[:1]
+    no_square = np.zeros(last.size)
+    no_rows = np.zeros((0, last.size))
+    room = -np.ones((len(rows), 1))
+    linear = np.vstack([-last, np.hstack([room, rows])])
+    least = np.append(1.0, slack)
+    cones = np.concatenate([-one, maps], axis=2)
     (t, *u), dual, Z, _ = solve_cones(
-        "certificate",
-        np.zeros(last.size),
-        -last[0],
-        np.zeros((0, last.size)),
-        np.vstack([-last, np.hstack([-np.ones((len(rows), 1)), rows])]),
-        np.append(1.0, slack),
-        np.concatenate([-one, maps], axis=2),
-        at,
+        "certificate", no_square, -last[0], no_rows, linear, least, cones, at
     )
     return np.array(u), float(t), dual[1:], Z
 

@@ -62,14 +62,9 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
         how = "milli"
     ends = (share.min(), share.max())
     multiple = " … ".join(dict.fromkeys(f"{x:.2g}" for x in ends))
-    return [
-        Finding(
-            "unit",
-            multiple=f"{multiple} times",
-            how=phrase("unit", how, first=toml_key(logs.joints[0])),
-            factors=share.tolist(),
-        )
-    ]
+    first = toml_key(logs.joints[0])
+    said = phrase("unit", how, first=first)
+    return [Finding("unit", multiple=f"{multiple} times", how=said, factors=share.tolist())]
 
 
 @check("joint_unit", Does.HINTS)
@@ -310,19 +305,9 @@ def find_unheld(logs: MeasuredLogs) -> list[Finding]:
         return []
     which = "wrenches" if robot.base.wrenches else "closed" if robot.base.contacts else "nothing"
     cause = phrase("unheld", "opposite" if share < -0.5 else "less")
-    return [
-        Finding(
-            "unheld",
-            why=phrase(
-                "unheld",
-                which,
-                name=robot.name,
-                share=100 * held.mean(),
-                held=100 * share,
-                cause=cause,
-            ),
-        )
-    ]
+    percent = {"share": 100 * held.mean(), "held": 100 * share}
+    why = phrase("unheld", which, name=robot.name, cause=cause, **percent)
+    return [Finding("unheld", why=why)]
 
 
 # Rows that lie out: they are weighed down in the fit, and are no data where names are looked for.
@@ -359,7 +344,8 @@ def weigh_rows(
     most = int(np.argmax(found.moved))
     where = where_outlying(joints, samples, found)
     told = {"parameter": information.columns[most], "moved": float(found.moved[most])}
-    columns = (f"{joints[int(np.argmax(found.beyond.max(0)))]}.tau",)
+    farthest = int(np.argmax(found.beyond.max(0)))
+    columns = (f"{joints[farthest]}.tau",)
     rows = int((found.last - found.first).sum())
     said = Finding("outliers", where=where, rows=rows, columns=columns, **told)
     return weighed, said, found

@@ -183,8 +183,9 @@ class ReadingCandidates:
         subject = "all joints" if self._reverses_all(factor) else join(reversed_joints)
         description = f"The torque of {subject} seems to have the wrong sign"
         claims = []
+        known = self.logs.robot.torque
         for sign in (1, -1):
-            stated = [n for n in reversed_joints if self.logs.robot.torque.at("sign", n) == sign]
+            stated = [n for n in reversed_joints if known.at("sign", n) == sign]
             claims += [f"sign = {sign} for {join(stated)}"] if stated else []
         if claims:
             contradicted = f"the sidecar states {join(claims)}, and the logs seem to contradict it"

@@ -67,7 +67,8 @@ def tune_direction(gravity: Array, misfits: Misfits) -> Array:
     size = float(np.linalg.norm(gravity))
 
     def logs(direction: Array) -> float:
-        return float(np.sum(misfits(size * (direction / np.linalg.norm(direction)))))
+        unit = direction / np.linalg.norm(direction)
+        return float(np.sum(misfits(size * unit)))
 
     direction = refine_direction(gravity / size, logs, NARROW)
     return size * (direction / np.linalg.norm(direction))

@@ -236,7 +236,9 @@ class ReadingSearch:
         """Yield all readings that are tried."""
         longest = self.rows.longest_delay
         readings = self.candidates.of_torque()
-        yield from (r for r in readings if np.abs(r.delay).max(initial=0.0) <= longest)
+        for reading in readings:
+            if np.abs(reading.delay).max(initial=0.0) <= longest:
+                yield reading
         yield from self.propose_signs()
         if self.rows.turns_gravity:
             yield from self.propose_gravity()

@@ -224,7 +224,8 @@ class Moving:
         drawn.sort(key=lambda x: -x[0])
         circle = f'<circle class="missed tone-{self.mark}" r="0"/>'
         dot = f'<g class="joint" transform="translate({{}} {{}})">{circle}</g>'
-        marks = points[: self.joints, :2].round(1).tolist() if self.misses is not None else []
+        joints = points[: self.joints, :2].round(1)
+        marks = joints.tolist() if self.misses is not None else []
         bodies = "".join(text for _, text in drawn)
         return Markup(f'<g class="bodies">{bodies}</g>{"".join(dot.format(*x) for x in marks)}')
 

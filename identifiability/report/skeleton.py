@@ -217,14 +217,16 @@ def move_skeletons(
     place, scale, size = _look(seen, robot)
     names = tuple((name, tone) for name, (tone, _) in motions.items())
     points = tuple(place(x.reshape(-1, 3)).reshape(x.shape) for x in traced)
+    shapes = tuple(replace(shape, width=scale * shape.width) for shape in parts.shapes)
+    joints = len(robot.tree.joints) + (load is not None)
     return Moving(
         names=names,
         t=t[rows] - t[0],
         points=points,
-        shapes=tuple(replace(shape, width=scale * shape.width) for shape in parts.shapes),
+        shapes=shapes,
         tips=tuple(parts.tips),
         ground=_ground(seen, robot, place),
-        joints=len(robot.tree.joints) + (load is not None),
+        joints=joints,
         told=tuple(map(tuple, told(rows))),
         size=size,
         caption=caption,
@@ -378,5 +380,6 @@ def _look(points: Array, robot: Robot) -> tuple[Callable[[Array], Array], float,
     most = np.array([WIDTH, HEIGHT], float) - 2 * MARGIN
     scale = float(np.min(most / np.maximum(high - low, least)))
     shift = np.append(MARGIN - scale * low, 0.0)
-    width, height = np.ceil(scale * (high - low) + 2 * MARGIN).astype(int).tolist()
+    size = scale * (high - low) + 2 * MARGIN
+    width, height = np.ceil(size).astype(int).tolist()
     return (lambda x: scale * (x @ paper) + shift), scale, (width, height)

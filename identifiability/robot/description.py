@@ -804,5 +804,7 @@ def write_gravity(robot: Description) -> str:
         numbers = " ".join(f"{c:.4g}" for c in robot.gravity.round(4) + 0.0)
         return f'<option gravity="{numbers}"/>'
     turn = pin.exp3(shortest_turn(robot.gravity, DOWN))
-    angles = " ".join(f"{a:.4g}" for a in pin.rpy.matrixToRpy(turn).round(4) + 0.0)
+    # Zero is added so that no angle is written as -0.
+    rounded = pin.rpy.matrixToRpy(turn).round(4) + 0.0
+    angles = " ".join(f"{a:.4g}" for a in rounded)
     return f'a new first link, and below it a fixed joint with rpy="{angles}"'

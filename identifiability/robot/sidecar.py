@@ -300,7 +300,8 @@ class MeasuredTorque(Strict):
 
     def has_side(self, *sides: Side) -> bool:
         """Return whether the torque of any joint was measured at one of some sides."""
-        return not {*self.table("side").values()}.isdisjoint(sides)
+        stated = {*self.table("side").values()}
+        return not stated.isdisjoint(sides)
 
     def at(self, name: str, joint: str) -> float | None:
         """Return the gain, ratio or sign of a joint; None if it is not stated."""

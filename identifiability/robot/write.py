@@ -113,9 +113,11 @@ def _alike(text: str, other: str) -> bool:
         one, two = (np.array(x.split(), float) for x in (text, other))
     except ValueError:
         return text == other
-    return one.shape == two.shape and bool(
-        np.all(np.abs(one - two) <= TINY * np.abs(two).max(initial=0))
-    )
+    if one.shape != two.shape:
+        return False
+    largest = np.abs(two).max(initial=0)
+    apart = np.abs(one - two)
+    return bool(np.all(apart <= TINY * largest))
 
 
 def part_of(element: ET.Element, tag: str) -> ET.Element:

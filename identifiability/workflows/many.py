@@ -232,7 +232,8 @@ def analyze_many(
     places = [Path(place).resolve() for place in robots]
     if not places:
         raise OptionError("No robot is given; give folders with a robot file and logs.")
-    name, count = Counter(place.name.casefold() for place in places).most_common(1)[0]
+    names = Counter(place.name.casefold() for place in places)
+    name, count = names.most_common(1)[0]
     if count > 1:
         raise OptionError(f"Two robots are called '{name}'; rename the folder of one.")
     say("looking at robots and logs", 0.0)

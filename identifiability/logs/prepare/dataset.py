@@ -767,4 +767,5 @@ def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
         raise ClosureError(f"Loops of {given.name} do not close there.")
     new = replace(new, kept=old.kept, dropped=old.dropped, first=old.first, start=old.start)
     new = replace(new, drives_alone=old.drives_alone)
-    return replace(given, motion=new, weight=given.weight[:, np.abs(by).argmax(1)])
+    strongest = np.abs(by).argmax(1)
+    return replace(given, motion=new, weight=given.weight[:, strongest])

@@ -332,7 +332,8 @@ class AnalysisPresenter(LadderedPresenter):
             word = "contradicted" if off > reach and not result.nothing else word
             row = {"name": v.name, "label": v.label, "unit": v.unit, "file": x, "value": v.value}
             rows.append({**row, "sigma": v.sigma_label, "sigmas": off, "logs": word})
-        rows.sort(key=lambda r: ([*BELIEVED].index(r["logs"]), -np.nan_to_num(r["sigmas"])))
+        words = [*BELIEVED]
+        rows.sort(key=lambda r: (words.index(r["logs"]), -np.nan_to_num(r["sigmas"])))
         columns = ["name", "label", "unit", "file", "value", "sigma", "sigmas", "logs"]
         return by_name(pd.DataFrame(rows, columns=columns))
 

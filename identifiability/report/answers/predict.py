@@ -266,7 +266,8 @@ class PositionPredictionPresenter(AnsweringPresenter):
         error = _state_size(result, result.runs[1].errors)
         lag = _state_size(result, result.from_commands)
         short = sentence("rollout.errors", "moves", error=error, lag=lag)
-        return replace(usual, short=f"{short} {usual.short[0].lower()}{usual.short[1:]}")
+        rest = usual.short[0].lower() + usual.short[1:]
+        return replace(usual, short=f"{short} {rest}")
 
     def warn(self, usual: Answer) -> Answer:
         """Return an answer behind the warning that the named effects make motion worse."""

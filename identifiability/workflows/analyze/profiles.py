@@ -188,8 +188,9 @@ class ConsistentNumbers:
         if name not in known:
             joint = robot.joints.index(name.removesuffix(f".{TORQUE}"))
             return Number(name, robot.torque_units[joint])
-        columns = self.found.chosen.submodel.columns
-        signs = dict(zip(columns, self.found.chosen.submodel.nonnegative.tolist(), strict=True))
+        submodel = self.found.chosen.submodel
+        nonnegative = submodel.nonnegative.tolist()
+        signs = dict(zip(submodel.columns, nonnegative, strict=True))
         signed = signs.get(name, known[name].nonnegative)
         return Number(name, known[name].unit, 0.0 if signed else -np.inf)
 

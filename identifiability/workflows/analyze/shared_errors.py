@@ -85,13 +85,13 @@ def _has_loud_motion(data: Data) -> bool:
 
 def _is_noisy(data: Data) -> bool:
     """Return whether derivatives were measured with more than negligible noise."""
-    logs = [x for x in data.recordings.fitted if not x.long and x.ddq is not None]
-    return any(
-        bool(np.any(measured_noise(x, log.t) > LOG_RULES.small * x.std(0)))
-        for log in logs
-        for x in (log.q, log.dq, log.ddq)
-        if x is not None
-    )
+    for log in data.recordings.fitted:
+        if log.long or log.ddq is None:
+            continue
+        for x in (log.q, log.dq, log.ddq):
+            if x is not None and np.any(measured_noise(x, log.t) > LOG_RULES.small * x.std(0)):
+                return True
+    return False
 
 
 def _motion_is_noisy(rows: WeightedRows) -> bool:

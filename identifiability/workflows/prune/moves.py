@@ -394,7 +394,8 @@ def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     moves += declared_moves(structure.robot, columns)
     moves += zero_moves(structure, columns)
     ties = [{*c} for m in moves if m.kind is Kind.TIE for c in m.tie]
-    return moves + [m for m in tie_moves(structure, columns) if {*m.tie[0]} not in ties]
+    more = tie_moves(structure, columns)
+    return moves + [m for m in more if {*m.tie[0]} not in ties]
 
 
 def limit_moves(

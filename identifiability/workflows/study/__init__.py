@@ -211,7 +211,8 @@ def _facts_of_case(
 def _shipped(source: Path) -> dict[str, Path]:
     """Return the files of a shipped robot by name: robot, ladder, trajectories, logs."""
     beside = [source, *source.parent.glob("ladder.toml"), *source.parent.glob("*.json")]
-    return {path.name: path for path in [*beside, *sorted(source.parent.glob("logs/*.csv"))]}
+    logs = sorted(source.parent.glob("logs/*.csv"))
+    return {path.name: path for path in [*beside, *logs]}
 
 
 def _filled(name: str, told: dict[str, str]) -> str:
