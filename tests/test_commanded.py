@@ -415,7 +415,14 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     log = read(arm, frames[1])
     apart = roll_delayed(CommandedRobot(arm, TRUTH), log)[1] - log.q
     assert found.totals[1] < 1.05 * apart[forgotten(log) :].std()
-    assert f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad" in result.answers()[1].short
+    size = f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad"
+    told = result.answers()[1]
+    assert f"{size};" in told.short
+    # A gripper that closes on objects.
+    file, run = result.moved.runs
+    run = replace(run, errors=result.moved.from_commands * [0.01, 0.2])
+    blocked = replace(result.moved, runs=(file, run)).lead(told).short
+    assert re.search(r"mrad \(elbow: .*If elbow touches .*'elbow.cmd': 'left_out'", blocked)
     assert found.answers()[1].tone == "green"  # no log was fitted
     found.to_json(tmp_path / "rollout.json")
     for one in (found, move(arm, frames[1])):

@@ -161,8 +161,9 @@ def test_sound_logs_have_no_warning(study):
 def test_a_joint_that_errs_little_is_not_warned_of_however_little_the_others_err():
     joints = ("a", "b")
     assert not state_uneven(0.003, joints, np.array([0.001, 0.029]))
-    (found,) = state_uneven(0.009, joints, np.array([0.004, 0.031]))
+    (found,) = state_uneven(0.009, joints, np.array([0.004, 0.031]), commanded=True, diagnosed=True)
     assert "torque error at b is 3.1 %" in found
+    assert "Check its command before" in found
     assert not state_uneven(0.02, joints, np.array([0.01, 0.05]))
     (log,) = state_uneven_log("abc", np.array([0.09, 0.4, 0.05]))
     assert log.startswith("On b the model errs by 40 %")

@@ -269,7 +269,7 @@ class PredictingPresenter(AnsweringPresenter):
     def noise(self) -> Array | None:
         """Return the noise of each joint's torque in the band of the model, (n,) [N·m or N].
 
-        None where the logs are not at hand.
+        None where torque was computed.
         """
         return None
 
@@ -279,12 +279,13 @@ class PredictingPresenter(AnsweringPresenter):
         Nothing is wrong with a joint whose error is mainly noise of its torque.
         """
         error, each, rms = self.errors()
-        unexplained = np.where(is_noise(rms, self.noise()), np.nan, each)
-        return (*super().warnings(), *self._list_uneven(error, unexplained))
-
-    def _list_uneven(self, error: float, each: Array) -> list[Finding]:
+        noise = self.noise()
+        unexplained = np.where(is_noise(rms, noise), np.nan, each)
+        joints = self.result.robot.joints
+        commanded = noise is None or bool(np.isnan(noise).all())
         diagnosed = self.verb == "diagnose"
-        return state_uneven(error, self.result.robot.joints, each, diagnosed=diagnosed)
+        holes = {"commanded": commanded, "diagnosed": diagnosed}
+        return (*super().warnings(), *state_uneven(error, joints, unexplained, **holes))
 
     def reserved(self) -> bool:
         """Return whether the page states a doubt."""
@@ -401,9 +402,7 @@ def torque_noise(samples: Sequence[Dataset]) -> Array:
     return np.min([s.torque_noise for s in samples], axis=0)
 
 
-def state_uneven(
-    error: float, joints: Sequence[str], each: Array, *, diagnosed: bool = False
-) -> list[Finding]:
+def state_uneven(error: float, joints: Sequence[str], each: Array, **given: bool) -> list[Finding]:
     """Return that one joint errs far more than all joints together, if one does.
 
     Parameters
@@ -413,13 +412,14 @@ def state_uneven(
     joints : sequence of str
     each : (n,)
         The same of each joint over its own scale; nan where its torque was not measured.
-    diagnosed : bool
-        Whether `diagnose` has looked for effects.
+    given : bool
+        Whether `diagnose` has looked for effects (`diagnosed`), and torque is that of `commanded`
+        servos.
     """
     joint, worst = worst_joint(joints, each)
     if not (joint and np.isfinite(error) and errs_unevenly(error, worst)):
         return []
-    return [Finding("uneven", joint=joint, error=worst, together=error, diagnosed=diagnosed)]
+    return [Finding("uneven", joint=joint, error=worst, together=error, **given)]
 
 
 def state_uneven_log(logs: Sequence[str], each: Array) -> list[Finding]:

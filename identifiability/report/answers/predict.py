@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array, shorten_paths
-from identifiability.foundation.quoting import path_for_shell
+from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import LEVEL, digits, format_number, join
 from identifiability.logs.commands import has_commands
@@ -20,6 +21,7 @@ from identifiability.workflows.predict import WINDOW
 from .analyze import state_interval
 from .commands import compare_line, diagnose_lines, export_line, name_logs, validate_options
 from .common import (
+    TONES,
     VISIBLE,
     AnsweringPresenter,
     Command,
@@ -28,9 +30,11 @@ from .common import (
     command,
     find_command,
     first_sentence,
+    grade_of,
     hint_note,
     join_sentences,
     sentence,
+    worst_joint,
 )
 from .tables import add_units, make_table
 
@@ -265,9 +269,10 @@ class PositionPredictionPresenter(AnsweringPresenter):
             return usual
         error = _state_size(result, result.runs[1].errors)
         lag = _state_size(result, result.from_commands)
-        short = sentence("rollout.errors", "moves", error=error, lag=lag)
-        rest = usual.short[0].lower() + usual.short[1:]
-        return replace(usual, short=f"{short} {rest}")
+        alone, advice = _state_alone(result)
+        short = sentence("rollout.errors", "moves", error=error, lag=lag, alone=alone)
+        torque = usual.short[0].lower() + usual.short[1:]
+        return replace(usual, short=join_sentences(f"{short} {torque}", advice))
 
     def warn(self, usual: Answer) -> Answer:
         """Return an answer behind the warning that the named effects make motion worse."""
@@ -276,6 +281,25 @@ class PositionPredictionPresenter(AnsweringPresenter):
             return usual
         short = phrase("predicted", "worse", told=result.told)
         return replace(usual, short=short, text=f"{usual.short} {usual.text}", tone="amber")
+
+
+def _state_alone(result: PositionPrediction) -> tuple[str, str]:
+    """Return the joint that alone follows its command poorly, and the remedy."""
+    errors = np.where(result.alike, result.runs[1].errors, np.nan)
+    joint, worst = worst_joint(result.robot.joints, errors)
+    rest = errors[errors < worst]
+    if not len(rest):
+        return "", ""
+    others = float(np.sqrt(np.mean(rest**2)))
+    lag = result.from_commands[errors == worst].max()
+    is_poor = worst > 0 and TONES[grade_of(worst / lag)] == "vermilion"
+    if not (is_poor and worst > RULES.uneven * others):
+        return "", ""
+    rule = option_for_shell("--map", f"{joint}.cmd=left_out")
+    holes = {"joint": joint, "worst": 1e3 * worst, "others": 1e3 * others, "rule": rule}
+    parts = ("alone", "touches")
+    alone, advice = (sentence("rollout.errors", part, **holes) for part in parts)
+    return alone, advice
 
 
 def moves_worse(result: PositionPrediction) -> bool:
