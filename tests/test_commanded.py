@@ -624,7 +624,7 @@ def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(
     fit = analyze(robot, log, quick=True)
     assert fit.recordings.fitted[0].unmeasured[:, 1].all()
     done = export(robot, fit, tmp_path / "arm.xml", force=True)
-    assert "armature 0.02 (the file's, as the joint's command stands" in done.joints[1]
+    assert "armature 0.02 (the file's, as no command moves" in done.joints[1]
     assert Robot.load(done.robot).nominal["elbow.Ia"] == 0.02
     assert "All but elbow, of which the command stands" in inspect(robot, log).statement
     passed = replace(found, numbers=found.numbers | {"Ia": np.full(2, -3e-12)})
@@ -708,6 +708,7 @@ def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(ar
         (said,) = of_key(told.hints, "apart")
         assert "elbow does not follow its command, or has none. Its torque is left out" in said
     assert list(result.moved.alike) == [True, False]
+    assert result.moved.standing == ("elbow",)
     table = result.to_frame(details=True).set_index("name")
     low, high = table.loc["shoulder.Fc", "interval95"]
     assert low < TRUTH["shoulder.Fc"] < high

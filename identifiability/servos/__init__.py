@@ -23,13 +23,12 @@ from .rollouts import Rollouts
 from .standing import state_standing
 from .start import settle_joints
 from .torque import compute_torque, replace_servo, servo_log
-from .windows import changing_commands
+from .windows import moving_commands
 
 __all__ = [
     "FirstAnswer",
     "Rollouts",
     "calibrate_torque",
-    "changing_commands",
     "compute_torque",
     "delay_commands",
     "file_shares",
@@ -39,6 +38,7 @@ __all__ = [
     "follows_better",
     "forgotten",
     "learn_gains",
+    "moving_commands",
     "replace_servo",
     "roll_delayed",
     "select_commanded",

@@ -108,16 +108,11 @@ def thin_windows(windows: Sequence[Window]) -> list[Window]:
 
 
 def moving_commands(log: Log) -> np.ndarray:
-    """Return which joints follow a command that moves, (n,) bool."""
-    return changing_commands(log) & ~log.is_unmeasured
-
-
-def changing_commands(log: Log) -> np.ndarray:
-    """Return which commands move by more than the noise of positions, (n,) bool."""
+    """Return which joints follow a command that moves by more than their noise, (n,) bool."""
     # The standard deviation of a constant is not zero by rounding, but that of zeros is.
     sizes = [np.std(x - x[0], axis=0) for x in _commands(log)]
     noise = encoder_noise(log)
-    return np.asarray(np.max(sizes, axis=0) > noise)
+    return (np.max(sizes, axis=0) > noise) & ~log.is_unmeasured
 
 
 def _commands(log: Log) -> list[Array]:

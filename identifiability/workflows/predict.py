@@ -1113,7 +1113,7 @@ class PositionPrediction(Result):
     sides : (tuple of str, tuple of str)
         Paths of the fitted and of the held-out logs of that result.
     standing : tuple of str
-        Joints whose commands stand in all fitted logs.
+        Joints that no command moves in any fitted log.
     """
 
     schema: ClassVar[str] = "identifiability/rollout/1"
@@ -1288,12 +1288,12 @@ def move_fitted(
 
 
 def _list_standing(robot: Robot, fitted: Sequence[Log]) -> Strings:
-    """Return the joints whose commands stand in all fitted logs, if there are any logs."""
-    from identifiability.servos import changing_commands  # noqa: PLC0415 - MuJoCo
+    """Return the joints that no command moves in any fitted log, if there are any logs."""
+    from identifiability.servos import moving_commands  # noqa: PLC0415 - MuJoCo
 
     if not fitted:
         return ()
-    moves = np.any([changing_commands(log) for log in fitted], axis=0)
+    moves = np.any([moving_commands(log) for log in fitted], axis=0)
     return tuple(robot.joints[k] for k in np.flatnonzero(~moves))
 
 

@@ -48,7 +48,7 @@ def describe_joints(
 
 
 def keep_standing(robot: Robot, content: ResultEntry) -> tuple[ResultEntry, dict[str, float]]:
-    """Return the file's values for rotors and friction of joints whose commands stand in the logs.
+    """Return the file's values for rotors and friction of joints that no command moves in the logs.
 
     Values that the logs determine all the same are not among them. The rows of the result, which
     come first, say why the others are. A joint of which the file states neither rotor nor friction
