@@ -4,6 +4,7 @@ import html
 import re
 import shlex
 from itertools import cycle, product
+from types import SimpleNamespace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -13,7 +14,11 @@ from typer.testing import CliRunner
 
 from identifiability import analyze, diagnose, new_study
 from identifiability.cli import app
-from identifiability.report.answers.common import state_uneven, state_uneven_log
+from identifiability.report.answers.common import (
+    PredictingPresenter,
+    state_uneven,
+    state_uneven_log,
+)
 
 RUNS = ("run1.csv", "run2.csv", "run3.csv")
 GIVEN = "robot.urdf run1.csv run2.csv --validate run3.csv"
@@ -119,6 +124,14 @@ def test_a_joint_that_errs_far_more_than_all_together_is_in_the_headline(verb, s
             r"torque error at joint_6 is .* torque variation, .* for all joints", text
         ), text
         assert not UNRESERVED.search(text), text
+
+
+def test_one_useless_joint_leaves_the_torque_of_the_others_useful():
+    result = SimpleNamespace(robot=SimpleNamespace(joints=("a", "b")))
+    says = {"result": result, "grade_uses": lambda: "useless", "reserved": lambda: False}
+    for error, whose in ((0.15, "the torque of b: a"), (0.55, "its torque: a")):
+        own = SimpleNamespace(**says, errors=lambda e=error: (e, np.array([0.1, 0.6]), None))
+        assert f"Do not use {whose} constant" in PredictingPresenter.state_uses(own)
 
 
 @pytest.mark.parametrize("verb", [ALSO, "diagnose", "predict"])

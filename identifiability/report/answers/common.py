@@ -335,7 +335,11 @@ class PredictingPresenter(AnsweringPresenter):
     def state_uses(self) -> str:
         """Return the tasks that the error of every joint is small enough for."""
         grade = self.grade_uses()
-        uses = sentence("decision.uses", grade)
+        error, each, _ = self.errors()
+        useless = each > RULES.grades[-1]
+        names = np.array(self.result.robot.joints)[useless].tolist()
+        some = len(names) and error <= RULES.grades[-1]
+        uses = sentence("decision.uses", "but" if some else grade, names=names)
         if TONES[grade] != "vermilion" and self.reserved():
             uses = sentence("quality", "reserved", uses=uses)
         return capital(uses)

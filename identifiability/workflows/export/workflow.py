@@ -761,7 +761,8 @@ def state_servos(robot: Robot, content: ResultEntry) -> str:
     if servo is None or moved is None:
         return ""
     delay = state_delay(np.array(moved.delays))[1:]
-    return phrase("exported", "servos", moved=moved.statement, delay=delay, rate=servo.rate)
+    told = {"moved": moved.statement, "delay": delay, "names": moved.logs}
+    return phrase("exported", "servos", **told, rate=servo.rate)
 
 
 ACTUATORS = '''"""Fitted servos of a robot: a configuration for Isaac Lab.
