@@ -48,6 +48,7 @@ from identifiability.servos import (
 )
 from identifiability.servos.descent import BEGUN, descend
 from identifiability.servos.fit import divide_gains, leave_bounds
+from identifiability.servos.rollouts import are_contradicted
 from identifiability.servos.windows import cut_windows
 from identifiability.simulation.rollout import CommandedRobot
 
@@ -574,6 +575,7 @@ def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path, fac
     other = load_arm(tmp_path, toml_text({"servo": {"kp": kp, "kv": kv}}))
     with pytest.raises(IdentifiabilityError, match=said):
         analyze(other, frames[1], quick=True)
+    assert not are_contradicted(np.array([0.1, 1.2]))
 
 
 @pytest.fixture(scope="module")

@@ -59,6 +59,10 @@ class Rollouts:
 def are_contradicted(missed: Array) -> bool:
     """Whether missed shares (n,) say that the gains are wrong.
 
-    Where most joints are followed, an error of another joint says nothing about these.
+    Where most joints are followed, an error of another joint says nothing about these. Of an even
+    number, the geometric mean of the middle two counts, so that no error outweighs a joint that is
+    followed well.
     """
-    return bool(np.median(missed) > RULES.rollout_contradicted)
+    ordered = np.sort(missed)
+    middle = ordered[(len(missed) - 1) // 2] * ordered[len(missed) // 2]
+    return bool(middle > RULES.rollout_contradicted**2)
