@@ -274,7 +274,7 @@ def test_windows_lie_where_commands_move(arm, frames, monkeypatch):
 def test_gains_without_load_hold_beside_a_known_kv_and_a_limit_that_is_hardly_reached(tmp_path):
     robot, _, found = record_hobby_arm(tmp_path, kp=np.full(6, np.nan))
     wrong = np.abs(np.log(found.numbers["kp"] / robot.servo.kp))
-    assert np.all(wrong < 2.2 * found.unsure[48:54])
+    assert np.all(wrong < 2.2 * found.unsure[54:60])
 
 
 def test_a_wrong_gain_is_found_where_errors_are_as_small_as_those_of_recording(tmp_path):
