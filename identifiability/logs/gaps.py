@@ -243,9 +243,9 @@ class Gaps:
         LogError
         """
         steps = self.length / self.step
+        apart = np.abs(steps - np.rint(steps))
         # Whole up to this share of a step, which of uneven steps a quarter is: else no
         # clock.
-        apart = np.abs(steps - np.rint(steps))
         whole = len(self) and float(np.median(apart)) < 0.125
         # Few gaps, however long, split a log into stretches: pauses, or windows of a long log.
         often = len(self) > RULES.small * samples
