@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from identifiability import IdentifiabilityError, analyze_many
-from identifiability.foundation.engines import Processes, Resumed, Serial
+from identifiability.foundation.engines import Processes, Serial
 from identifiability.workflows import many as module
 
 MODEL = Path(__file__).resolve().parents[1] / "models" / "two-link" / "robot.xml"
@@ -81,20 +81,6 @@ def test_several_processes_write_the_same(asked, start, tmp_path):
     with Processes(2) as engine:
         ask(start, tmp_path / "results", engine)
     assert written(tmp_path / "results") == written(asked[1])
-
-
-def test_what_is_finished_is_not_done_again_but_a_changed_log_is(start, tmp_path):
-    fleet = shutil.copytree(start, tmp_path / "fleet")
-    kept = Resumed(Serial(), tmp_path / "kept")
-    one = ask(fleet, tmp_path / "one", kept, "ab")
-    before = {path: path.stat().st_mtime_ns for path in kept.folder.iterdir()}
-    log = fleet / "b" / "run2.csv"
-    log.write_text(log.read_text().replace("1", "2", 1))
-    two = ask(fleet, tmp_path / "one", kept, "ab")
-    after = {path: path.stat().st_mtime_ns for path in kept.folder.iterdir()}
-    assert (len(before), len(after)) == (2, 3)
-    assert before.items() <= after.items()
-    assert one.rows[0] == two.rows[0]
 
 
 def test_what_goes_wrong_with_one_robot_is_the_sentence_of_its_row(start, tmp_path, monkeypatch):

@@ -578,11 +578,11 @@ def _advise(
     """Return what to do before bodies are corrected: the model may lack an effect instead."""
     if effects:
         return phrase("contradicted", "lacks", effects=effects)
+    heavier = wrong.hypotheses[0][0] if wrong.change > 0 else ""
+    if heavier in last:  # a tool has values that the body alone cannot have
+        return phrase("contradicted", "tool", body=heavier)
     if impossible:
         return phrase("contradicted", "impossible")
-    heavier = wrong.hypotheses[0][0] if wrong.change > 0 else ""
-    if heavier in last:
-        return phrase("contradicted", "tool", body=heavier)
     sprung = any(kind == "spring" for _, kind in wrong.hypotheses)
     return phrase("contradicted", "sprung") if sprung else "Correct"
 
