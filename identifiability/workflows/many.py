@@ -1,7 +1,6 @@
 """One verb over many robots: one table, and a page each; failures are sentences in the table.
 
-Each robot is one item of an engine. Its answer does not depend on where it was computed. An engine
-that is resumed does not repeat the robots that it finished.
+Each robot is one item of an engine. Its answer does not depend on where it was computed.
 """
 
 from __future__ import annotations
