@@ -139,7 +139,7 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
     file = save_robot(robot, small, tmp_path / "light.xml")
     sprung = replace(log, tau=log.tau + np.array([0.0, 0.3]) * log.q**3)
     light, lacks = (analyze(file, x, "none", replicates=0).warnings for x in (log, sprung))
-    assert "Bodies of the stated size have no such values" in light[-1]
+    assert "Does link2 carry a tool or load that the file lacks?" in light[-1]
     assert "The model may lack torque along the position in elbow" in lacks[-1]
     frame = found.file_frame().set_index("name")
     assert set(frame.index[:2]) == {"elbow.Fv", "link2.mx"}
