@@ -47,12 +47,13 @@ def find_misread_motors(logs: MeasuredLogs) -> list[Finding]:
     if gear is None or not {*gear.motors} <= {*logs.recordings[0].joints}:
         return []
     to_joints = gear.ratio[:, None] * gear.coupling
-    measured = logs.torque @ np.linalg.pinv(to_joints)
-    if len(gear.motors) > len(logs.joints) or not measured.any(axis=0).all():
+    driven = _are_driven(logs)
+    measured = logs.torque[:, driven] @ np.linalg.pinv(to_joints)
+    if len(gear.motors) > len(to_joints.T) or not measured.any(axis=0).all():
         return []
-    changed = [Misread("literal", [], measured), *_list_changes(measured)]
+    changed = _list_changes(measured)
     squares = _square_residuals(logs, to_joints, [x.torque for x in changed])
-    speed = logs.motion.actuated_v
+    speed = logs.motion.actuated_v[:, driven]
     energy = [np.sum(x.torque @ to_joints * speed, axis=0).min() for x in changed]
     share = 0.8 if energy[0] < 0 else 0.5
     plausible = (np.array(energy) > 0) & (squares < share * squares[0])
@@ -61,6 +62,11 @@ def find_misread_motors(logs: MeasuredLogs) -> list[Finding]:
     best = changed[int(np.where(plausible, squares, np.inf).argmin())]
     motors = [gear.motors[k] for k in best.motors]
     return [Finding("motor", what=phrase("motor", best.how, motors=motors))]
+
+
+def _are_driven(logs: MeasuredLogs) -> np.ndarray:
+    """Return which joints have a motor, (n,) bool: all but the axes of a floating base."""
+    return np.isin(logs.joints, logs.robot.motor_joints)
 
 
 def _square_residuals(logs: MeasuredLogs, to_joints: Array, torques: Sequence[Array]) -> Array:
@@ -77,7 +83,7 @@ def _square_residuals(logs: MeasuredLogs, to_joints: Array, torques: Sequence[Ar
     unit = np.sqrt(np.mean(torques[0] ** 2, axis=0))
     to_motors = np.linalg.pinv(to_joints) / unit
     regressor = logs.structure.model.regressor(logs.robot, logs.motion)
-    columns = np.einsum("tjp,jm->tmp", regressor, to_motors)
+    columns = np.einsum("tjp,jm->tmp", regressor[:, _are_driven(logs)], to_motors)
     each = np.column_stack([(torque / unit).ravel() for torque in torques])
     left = without(each, columns.reshape(len(each), -1))
     squares: Array = np.sum(left**2, axis=0)
@@ -85,8 +91,8 @@ def _square_residuals(logs: MeasuredLogs, to_joints: Array, torques: Sequence[Ar
 
 
 def _list_changes(torque: Array) -> list[Misread]:
-    """Return the torque of motors (N, m) with one sign reversed, or two columns exchanged."""
-    changes = []
+    """Return the torque of motors (N, m) as it is, with one sign reversed, or two exchanged."""
+    changes = [Misread("literal", [], torque)]
     count = torque.shape[1]
     for motor in range(count):
         sign = np.where(np.arange(count) == motor, -1.0, 1.0)

@@ -15,7 +15,7 @@ from io import BytesIO
 from pathlib import Path
 
 from identifiability.foundation.errors import RobotError, near_match
-from identifiability.foundation.quoting import path_for_shell
+from identifiability.foundation.quoting import for_python, path_for_shell
 from identifiability.foundation.rules import Tolerance
 
 # Which sidecar belongs to a robot file: its own (arm.xml.toml), or one for its stem (arm.toml).
@@ -92,7 +92,10 @@ def locate_robot(source: str | Path) -> Path:
         if str(source) in shipped_robots() and (folder / name).is_file():
             return folder / name
     if (path / "case.toml").is_file():
-        raise RobotError(f"{path} is the folder of a case: give Case.load('{path}') to the verb.")
+        text = for_python(str(path))
+        raise RobotError(
+            f"{path} is the folder of a case; give the robot file in it, or Case.load({text})."
+        )
     if path.is_dir():
         raise RobotError(f"{path} is a folder; give the robot file (MJCF or URDF) in it.")
     raise RobotError(

@@ -68,7 +68,7 @@ _BRISTLES = {
     "biasprm": [0, 0, 0, 1, 1, 1, 0, 0, 0, 0],
     "dyntype": mujoco.mjtDyn.mjDYN_DCMOTOR,
     "dynprm": [0, 0, 0, 0, 0, 1, 0, 0, 0, 0],
-    "ctrlspec": 16,
+    "ctrlspec": mujoco.mjtCtrlInput.mjINPUT_NONE,
     "actearly": True,
     "ctrllimited": False,
     "forcelimited": False,

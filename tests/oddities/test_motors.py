@@ -1,11 +1,13 @@
 """A torque column of coupled motors that has a wrong sign or name is told, and a right one not."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from identifiability import analyze
+from identifiability import Robot, analyze
 
 from .conftest import record
 
@@ -39,3 +41,24 @@ def test_late_torque_of_coupled_motors_is_shifted():
     late = replace(log, t=log.t[:-5], q=log.q[5:], tau=log.tau[:-5])
     found = analyze(structure.robot, late, "none", quick=True)
     assert found.alternative.delay == pytest.approx(5 * np.diff(log.t)[0], rel=0.02)
+
+
+def test_coupled_motors_on_a_moving_base_are_questioned(tmp_path):
+    home = Path(__file__).parents[2] / "models" / "cart-arm"
+    side = tmp_path / "side.toml"
+    motors = (
+        '[transmission]\nmotors = ["a", "b", "c"]\ncoupling = [[1, 0, 0], [0, 1, 0], [0, 1, 1]]\n'
+    )
+    side.write_text((home / "robot.toml").read_text() + motors)
+    log = pd.read_csv(home / "logs" / "pushed.csv")
+    yaw, shoulder, elbow = (log[f"{joint}.tau"] for joint in ("yaw", "shoulder", "elbow"))
+    log["a.q"], log["b.q"], log["c.q"] = (
+        log["yaw.q"],
+        log["shoulder.q"],
+        log["elbow.q"] + log["shoulder.q"],
+    )
+    for sign, said in ((1, 0), (-1, 1)):
+        given = log.assign(**{"a.tau": yaw, "b.tau": shoulder - elbow, "c.tau": sign * elbow})
+        given = given.drop(columns=[c for c in given if c.startswith(("yaw", "shoulder", "elbow"))])
+        found = analyze(Robot.load("cart-arm", sidecar=side), given, "none", quick=True)
+        assert sum(hint.key == "motor" for hint in found.hints) == said

@@ -584,7 +584,7 @@ def _list_drives(robot: Robot, joints: Sequence[str]) -> Sequence[str]:
     coupled = robot.transmission
     if coupled is None:
         return joints
-    moved = [name in joints for name in robot.joints]
+    moved = [name in joints for name in robot.motor_joints]
     drives = np.any(coupled.coupling[:, moved] != 0, axis=1).tolist()
     return [motor for motor, drive in zip(coupled.motors, drives, strict=True) if drive]
 
