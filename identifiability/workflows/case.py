@@ -14,7 +14,7 @@ interpretation of their columns. Verbs that take the same case share all stages:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -36,6 +36,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.quoting import for_toml
+from identifiability.foundation.rounding import measured
 from identifiability.foundation.runs import First, Progress, Run, share
 from identifiability.foundation.stages import Stages
 from identifiability.foundation.values import frozen
@@ -89,6 +90,9 @@ MISREAD = (
 #: Errors of measurement, and all families that a model gets if the rows surely show them.
 SENSOR_ERRORS = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
 COMPLETED = SENSOR_ERRORS | {PassiveJointFriction.name}
+
+#: Fitted scales of the torque by joint: the share, and half of its 95 % interval (NaN without one).
+Scales = Mapping[str, tuple[float, float]]
 
 #: Text after the statement of a reading that is used.
 SO = "All results use this reading."
@@ -171,6 +175,8 @@ class Data(OfStructure):
         Reason, after "because", why there are no verdicts; empty if there are.
     lacked : MissingEffects or None
         Effects that the model lacked before it got some of them.
+    completed : tuple of Share
+        Errors of measurement that the model got.
     """
 
     structure: Structure
@@ -184,6 +190,13 @@ class Data(OfStructure):
     explained: bool = False
     misread: str = ""
     lacked: MissingEffects | None = None
+    completed: tuple[Share, ...] = ()
+
+    def remarks(self, scales: Scales) -> tuple[str, ...]:
+        """Return the findings, with one on errors of measurement that the model got."""
+        if not self.completed:
+            return self.hints
+        return (*self.hints, describe_completed(self.completed, self.robot, scales))
 
     @property
     def question(self) -> Reading | None:
@@ -999,32 +1012,32 @@ def ask_for_unit(share: Share) -> Finding:
     return Finding("question", text=text)
 
 
-def state_gains(shares: Sequence[Share], robot: Robot) -> dict[str, float]:
+def state_gains(scales: Scales, robot: Robot) -> str:
     """Return the gains by which the sidecar corrects wrong scales of the torque.
 
-    They are empty if several motors make the torque of such a joint.
+    The text is empty if several motors make the torque of such a joint.
     """
-    factors = {}
-    for scales in shares:
-        place = scales.term.group.place
-        places = robot.motor_joints if place == EVERYWHERE else [place]
-        for joint, scale in zip(places, scales.value.tolist(), strict=True):
-            factors[robot.torque_column(joint)] = 1.0 / (1.0 + scale)
-    if not factors or "" in factors:
-        return {}
-    return robot.torque.scaled_gains(factors)
+    columns = {robot.torque_column(joint): scale for joint, scale in scales.items()}
+    if not columns or "" in columns:
+        return ""
+    factors = {name: 1.0 / (1.0 + scale) for name, (scale, _) in columns.items()}
+    gains = robot.torque.scaled_gains(factors)
+    halves = {name: gains[name] * factors[name] * half for name, (_, half) in columns.items()}
+    each = [f"{name} {measured(gains[name], x)}" for name, x in halves.items() if x < np.inf]
+    errors = phrase("alternative", "errors" if each else "ratios", each=each)
+    return phrase("alternative", "scaled", gains=for_toml(gains), errors=errors)
 
 
-def _describe_misread(shares: Sequence[Share], robot: Robot) -> Finding:
-    """Return a doubt about columns, with what corrects their clocks and scales."""
+def describe_completed(shares: Sequence[Share], robot: Robot, scales: Scales) -> Finding:
+    """Return a doubt about columns, with what corrects their clocks and scales.
+
+    The search knows a scale without the other values, so gains are those of the fitted scales.
+    """
     ways = {ClockError.name: "later", TimeDelay.name: "earlier"}
     clocks = [s for s in shares if s.term.group.family in ways]
-    scales = [s for s in shares if s.term.group.family == TorqueScale.name]
-    gains = state_gains(scales, robot)
     parts = [phrase("alternative", "has", what=[describe_term(s.term) for s in shares])]
     if len(clocks) < len(shares):
-        part = "scaled" if gains else "columns"
-        parts.append(phrase("alternative", part, gains=for_toml(gains)))
+        parts.append(state_gains(scales, robot) or phrase("alternative", "columns"))
     for s in clocks:
         precision = 1.0 / np.square(s.root).sum(0)
         seconds = float(np.average(s.value, weights=precision))
@@ -1048,13 +1061,13 @@ def complete_model(data: Data, shares: Sequence[Share]) -> Data:
     model = replace(Model.of(*given.texts, *texts), random=given.random)
     physical = [t for t in terms if t.group.family == PassiveJointFriction.name]
     said = [Finding("completed", what=list(map(describe_term, physical)))] if physical else []
-    misread = [s for s in shares if s.term not in physical]
-    if misread:
-        said.append(_describe_misread(misread, data.robot))
+    misread = tuple(s for s in shares if s.term not in physical)
     hints = (*data.hints, *said)
     structure = Structure.of(data.robot, model)
     regression = structure.regression(data.samples)
-    found = replace(data, structure=structure, regression=regression, hints=hints)
+    found = replace(
+        data, structure=structure, regression=regression, hints=hints, completed=misread
+    )
     keys = {t.key for t in terms}
     rest = tuple(t for t in data.missing.named if t.key not in keys)
     return replace(found, lacked=replace(data.missing, named=rest))

@@ -260,7 +260,7 @@ def compare(
         submodel = build_ladder(source.entry, unchanged.structure)[0]
         found, terms = find_changes(sides, unchanged.structure, submodel)
         changes = list_log_changes(found, terms, sides.names)
-        hints = (*_check_reading(case, unchanged, found.known.base, run), *unchanged.hints)
+        hints = (*_check_reading(case, unchanged, found.known.base, run), *unchanged.remarks({}))
         torque = DifferentTorque.of(found, terms, len(unchanged.validation))
     later, earlier = sides.paths
     return Comparison(

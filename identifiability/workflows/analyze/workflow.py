@@ -35,7 +35,7 @@ from identifiability.foundation.options import (
     checked,
     resolve_count,
 )
-from identifiability.foundation.rounding import join
+from identifiability.foundation.rounding import REACH, join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import First, Progress, Run, quiet, running, share
 from identifiability.logs.prepare import Preparation
@@ -105,6 +105,19 @@ def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[
     apart = compare_logs(data.samples, result, missing)
     found = moved, say_excluded_offsets(result), apart, *say_unequal(data.robot, result)
     return [*filter(None, found)]
+
+
+def list_scales(result: ModelResult) -> dict[str, tuple[float, float]]:
+    """Return the scales of the torque by joint, with half of their intervals (`case.Scales`).
+
+    Where the logs determine only differences of scales, those of the nearest robot are returned.
+    """
+    physical = {} if result.physical is None else result.physical.parameters()
+    found = {name: (value, np.nan) for name, value in physical.items()}
+    alone = (v for v in result.verdicts if " " not in v.label)
+    found |= {v.name: (v.value, REACH * v.sigma_label) for v in alone}
+    ending = ".scale"
+    return {n.removesuffix(ending): scale for n, scale in found.items() if n.endswith(ending)}
 
 
 def say_excluded_offsets(result: ModelResult) -> Finding | str:
@@ -397,7 +410,7 @@ def conclude_analysis(
     results = assess_ladder(found, rng, settings["replicates"], missing)
     selected = select_model(results, found.near)
     results, nothing = doubt(data.misread, results, selected)
-    hints = [*data.hints, rows.outlier_hint, found.short]
+    hints = [*data.remarks(list_scales(results[selected])), rows.outlier_hint, found.short]
     hints += () if data.recordings.commanded else say_band(data.band)
     hints += say_delays(data.robot, missing)
     if not data.explained:  # exchanged columns, a wrong unit or late torque explain the rest

@@ -63,6 +63,7 @@ from identifiability.workflows.analyze.result import WORSE
 from identifiability.workflows.analyze.shared_errors import SharedErrors, measure_shared_errors
 from identifiability.workflows.analyze.workflow import (
     choose_settings,
+    list_scales,
     predict_everywhere,
     say_band,
     say_of_fit,
@@ -294,9 +295,10 @@ def walk_down(
 def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> tuple[str, ...]:
     """Return findings on robot file, logs and their cut-off."""
     data = rows.data
-    other = of_key(data.hints, "alternative")
+    hints = data.remarks(list_scales(models[selected]))
+    other = of_key(hints, "alternative")
     foreign = _state_foreign(models[0]) if data.validation else ""
-    others = (hint for hint in data.hints if hint not in other)
+    others = (hint for hint in hints if hint not in other)
     band = () if data.recordings.commanded else say_band(data.band)
     of_fit = say_of_fit(data, models[selected], data.missing.functions)
     return (
