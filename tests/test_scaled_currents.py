@@ -46,6 +46,7 @@ def test_wrong_constants_of_all_joints_move_no_mass(seed, tmp_path):
     assert find_scales(values)
     assert all(0.5 < factor < 2.0 for factor in find_scales(values))
     (hint,) = (hint for hint in found.hints if hint.key == "alternative")
+    assert "determine the ratios" in hint
     gains = tomllib.loads(re.search("gain = {.*?}", hint)[0])["gain"]
     assert gains.pop("*") == 2.0  # that of the other joints
     assert max(gains.values()) == pytest.approx(2.0 / min(find_scales(values)), rel=0.02)

@@ -188,7 +188,7 @@ def test_a_missing_robot_file_is_refused_with_the_near_match(refused, write, arm
     assert "cannot be a robot file: File name too long" in refused("analyze", "a" * 5000, log)
 
 
-def test_a_real_process_ends_with_the_sentence_and_no_traceback(write, arm):
+def test_a_real_process_ends_with_the_sentence_and_no_traceback(write):
     """Once through the operating system: exit code, streams and what C++ parsers print."""
     robot = write("robot.urdf", ARM.replace('value="20"', 'value="many"'))
     words = [sys.executable, "-m", "identifiability", "simulate", robot, "random", "--out", "x.csv"]

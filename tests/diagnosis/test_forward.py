@@ -42,7 +42,7 @@ def test_the_torque_of_a_motion_leads_along_that_motion(name):
     (samples,) = _samples(robot, 0)
     fit = physical_of(robot, robot.nominal)
     gap = compare_forward(fit, fit, [samples], default_rng(0))
-    assert gap.measured, gap.note
+    assert gap.measured
     assert gap.error_before < 0.006
     assert np.array_equal(gap.before, gap.after)
 
@@ -60,13 +60,7 @@ def test_a_missing_effect_opens_a_gap_in_motion_that_adding_it_closes():
     assert low < high < 0
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "friction_drift",
-        "hysteresis",
-    ],
-)
+@pytest.mark.parametrize("name", ["friction_drift", "hysteresis"])
 def test_what_hangs_on_the_time_or_on_the_way_is_that_of_the_log(two_link, name):
     """With true values the gap closes: a drift late in a session, friction after a reversal."""
     logs = [
@@ -85,7 +79,7 @@ def test_what_hangs_on_the_time_or_on_the_way_is_that_of_the_log(two_link, name)
         recorded.append(replace(s, tau=s.tau + W @ values))
     before = physical_of(two_link, two_link.nominal)
     gap = compare_forward(before, after, recorded, default_rng(0))
-    assert gap.error_after < 0.2 * gap.error_before, (gap.error_before, gap.error_after)
+    assert gap.error_after < 0.2 * gap.error_before
 
 
 def test_a_model_that_runs_away_counts_as_wrong_by_all_of_the_distance(two_link):

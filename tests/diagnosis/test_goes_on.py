@@ -69,7 +69,7 @@ def test_the_result_of_a_diagnosis_is_a_model_for_prune_and_excite(diagnosis_of,
     assert planned.effects == d.model.names
 
 
-def test_a_spring_in_one_joint_does_not_hide_another_and_stays_where_it_is(logs_of, tmp_path):
+def test_a_spring_in_one_joint_does_not_hide_another_and_stays_where_it_is(logs_of):
     logs = logs_of("two-link", "joint_stiffness@elbow=0.3")
     known = ("rigid_body", "viscous_friction", "coulomb_friction", "joint_stiffness@shoulder")
     few = {"effects": ("joint_stiffness", "free_spring"), "quick": True, "forward": False}

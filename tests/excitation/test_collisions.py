@@ -62,7 +62,7 @@ def curling(request, tmp_path):
 
 
 @pytest.fixture
-def world(tmp_path):
+def world():
     """Return a function: does MuJoCo see a contact of the arm with itself?"""
     made = mujoco.MjModel.from_xml_string(MJCF)
     data = mujoco.MjData(made)

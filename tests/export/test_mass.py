@@ -17,7 +17,7 @@ def log(simulated_session):
     return simulated_session("3-rps", "601", 0)
 
 
-def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(log, tmp_path):
+def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(log):
     result = analyze("3-rps", log, ladder=FULL, replicates=50)
     found = result.chosen.physical.parameters()
     assert 25.248 / 3 < total_mass(result.robot, found) < 3 * 25.248

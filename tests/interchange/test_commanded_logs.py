@@ -185,6 +185,7 @@ def test_a_table_of_several_episodes_is_refused_with_what_to_give(arm, frame):
     assert "time starts again" in said
     assert "of a LeRobot dataset give the folder" in said
     assert "sort the rows" in refused(arm, frame[::-1])
+    assert "no column base_yaw.cmd" in refused(arm, frame.filter(regex="^t|q$"))
 
 
 # ROS 2.

@@ -29,7 +29,7 @@ def limb(name, at, axes, mass=1.0):
     return text
 
 
-def machine(limbs, base='<freejoint name="root"/>', motors=None, objects=""):
+def machine(limbs, base='<freejoint name="root"/>', objects=""):
     joints = [part.split('"')[0] for part in limbs.split('<joint name="')[1:]]
     drives = "".join(f'<motor joint="{j}"/>' for j in joints)
     return (

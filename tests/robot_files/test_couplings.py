@@ -41,7 +41,7 @@ def test_a_sidecar_couples_a_joint_by_a_polynomial_in_each_of_others(agrees):
 
 
 @pytest.mark.parametrize("lock", [{"elbow": 0.3}, {"shoulder": -0.2}])
-def test_couplings_go_on_where_one_of_their_joints_is_locked(lock, load_text, agrees):
+def test_couplings_go_on_where_one_of_their_joints_is_locked(lock, agrees):
     text = arm(inside=WRIST.format(w=""))
     linear = SIDECAR.replace("[0.1, 0.5, 0.2]", "[0.1, 0.5]")
     (name,) = lock

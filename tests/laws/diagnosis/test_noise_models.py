@@ -35,7 +35,7 @@ def autocovariance(pacf, most):
     return np.array(out)
 
 
-def covariance(pacf, runs, floor=0.0):
+def covariance(pacf, runs):
     """Dense covariance (N, N) of unit innovations: runs know nothing of each other."""
     return block_diag(*(toeplitz(autocovariance(pacf, b - a - 1)) for a, b in runs))
 

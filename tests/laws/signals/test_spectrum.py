@@ -129,7 +129,7 @@ def test_a_value_that_repeats_the_one_before_is_found_where_the_joint_moves():
     assert not find_stale(coarse, np.full(2, 0.05)).any()
 
 
-def log_of(rate, hertz, name, seed=0, **channels):
+def log_of(rate, hertz, name, **channels):
     t = times(rate)
     q = np.stack([swing(t, hertz), swing(t, 0.7 * hertz)], 1)
     none = dict.fromkeys(("dq", "ddq"))
