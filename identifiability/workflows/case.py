@@ -622,8 +622,14 @@ class Case:
 
     def under(self, data: Data, structure: Structure) -> Data:
         """Return data under another model of the same robot."""
-        regression = self.regression(structure, data.samples)
-        return self.stages.once(with_structure, data, structure, regression)
+        return self.with_regression(data, structure, data.samples)
+
+    def with_regression(
+        self, data: Data, structure: Structure, samples: tuple[Dataset, ...]
+    ) -> Data:
+        """Return data under another structure, or with other fitted samples."""
+        regression = self.regression(structure, samples)
+        return self.stages.once(with_regression, data, structure, samples, regression)
 
     def regression(self, structure: Structure, samples: tuple[Dataset, ...]) -> Regression:
         """Return the columns of the base parameters along prepared motion.
@@ -641,12 +647,8 @@ class Case:
             If instruments are asked for and a log has no second record of its motion.
         """
         inputs = data.robot, data.recordings.fitted, data.samples, kind
-        return self.with_samples(data, self.stages.once(add_instruments, *inputs))
-
-    def with_samples(self, data: Data, samples: tuple[Dataset, ...]) -> Data:
-        """Return data with other fitted samples."""
-        regression = self.regression(data.structure, samples)
-        return self.stages.once(with_samples, data, samples, regression)
+        samples = self.stages.once(add_instruments, *inputs)
+        return self.with_regression(data, data.structure, samples)
 
     def weigh(
         self, data: Data, method: Method, kind: Kind, run: Run, *, complete: bool = True
@@ -982,18 +984,13 @@ def make_regression(
     return structure.regression(samples)
 
 
-def with_structure(data: Data, structure: Structure, regression: Regression) -> Data:
-    """Return data under another structure."""
-    if structure is data.structure:
+def with_regression(
+    data: Data, structure: Structure, samples: tuple[Dataset, ...], regression: Regression
+) -> Data:
+    """Return data under another structure, or with other fitted samples."""
+    if structure is data.structure and samples is data.samples:
         return data
-    return replace(data, structure=structure, regression=regression)
-
-
-def with_samples(data: Data, samples: tuple[Dataset, ...], regression: Regression) -> Data:
-    """Return data with other fitted samples."""
-    if samples is data.samples:
-        return data
-    return replace(data, samples=samples, regression=regression)
+    return replace(data, structure=structure, samples=samples, regression=regression)
 
 
 def is_another_unit(share: Share) -> bool:
@@ -1020,16 +1017,18 @@ def state_gains(scales: Scales, robot: Robot) -> str:
     columns = {robot.torque_column(joint): scale for joint, scale in scales.items()}
     if not columns or "" in columns:
         return ""
-    factors = {name: 1.0 / (1.0 + scale) for name, (scale, _) in columns.items()}
-    gains = robot.torque.scaled_gains(factors)
-    halves = {name: gains[name] * factors[name] * half for name, (_, half) in columns.items()}
-    each = [f"{name} {measured(gains[name], x)}" for name, x in halves.items() if x < np.inf]
+    gains = robot.torque.scaled_gains({n: 1.0 / (1.0 + scale) for n, (scale, _) in columns.items()})
+    each = [
+        f"{n} {measured(gains[n], gains[n] * half / (1.0 + scale))}"
+        for n, (scale, half) in columns.items()
+        if half < np.inf
+    ]
     errors = phrase("alternative", "errors" if each else "ratios", each=each)
     return phrase("alternative", "scaled", gains=for_toml(gains), errors=errors)
 
 
 def describe_completed(shares: Sequence[Share], robot: Robot, scales: Scales) -> Finding:
-    """Return a doubt about columns, with what corrects their clocks and scales.
+    """Return a doubt about columns, with the corrections of their clocks and scales.
 
     The search knows a scale without the other values, so gains are those of the fitted scales.
     """

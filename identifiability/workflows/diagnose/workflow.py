@@ -376,7 +376,7 @@ def _problem_of(
     data : Data
     run : Run
     """
-    data, excerpts = _look_at(case, data, run)
+    data, excerpts = _look_at(case, data)
     if not data.validation:  # the part that was set aside has nothing to explain
         _refuse_silent_part(case, data, run)
     run.say("building columns", 0.1)
@@ -452,7 +452,7 @@ def _refuse_silent_part(case: Case, data: Data, run: Run) -> None:
 Excerpts = tuple[tuple[Dataset, ...], tuple[Dataset, ...]]
 
 
-def _look_at(case: Case, data: Data, run: Run) -> tuple[Data, Excerpts]:
+def _look_at(case: Case, data: Data) -> tuple[Data, Excerpts]:
     """Return data with second records of the motion, and excerpts for the search of effects.
 
     Samples of commanded robots are taken along the motion of their rollouts.
