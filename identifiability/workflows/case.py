@@ -622,14 +622,8 @@ class Case:
 
     def under(self, data: Data, structure: Structure) -> Data:
         """Return data under another model of the same robot."""
-        return self.with_regression(data, structure, data.samples)
-
-    def with_regression(
-        self, data: Data, structure: Structure, samples: tuple[Dataset, ...]
-    ) -> Data:
-        """Return data under another structure, or with other fitted samples."""
-        regression = self.regression(structure, samples)
-        return self.stages.once(with_regression, data, structure, samples, regression)
+        regression = self.regression(structure, data.samples)
+        return self.stages.once(with_regression, data, structure, data.samples, regression)
 
     def regression(self, structure: Structure, samples: tuple[Dataset, ...]) -> Regression:
         """Return the columns of the base parameters along prepared motion.
@@ -647,8 +641,12 @@ class Case:
             If instruments are asked for and a log has no second record of its motion.
         """
         inputs = data.robot, data.recordings.fitted, data.samples, kind
-        samples = self.stages.once(add_instruments, *inputs)
-        return self.with_regression(data, data.structure, samples)
+        return self.with_samples(data, self.stages.once(add_instruments, *inputs))
+
+    def with_samples(self, data: Data, samples: tuple[Dataset, ...]) -> Data:
+        """Return data with other fitted samples."""
+        regression = self.regression(data.structure, samples)
+        return self.stages.once(with_regression, data, data.structure, samples, regression)
 
     def weigh(
         self, data: Data, method: Method, kind: Kind, run: Run, *, complete: bool = True
