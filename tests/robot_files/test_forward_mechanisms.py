@@ -98,6 +98,13 @@ def test_legs_that_are_tendons_drive_a_platform(load_text):
     assert follows_its_torque(load_text(text.replace(*motors)), spread=0.02) > 0.02
 
 
+def test_a_wheel_that_its_file_balances_moves_as_an_unbalanced_one(load_text):
+    text = """<mujoco><worldbody><body name="wheel"><joint name="axle" axis="0 1 0"/>
+      <inertial mass="2" pos="0 0 0" diaginertia="0.1 0.1 0.1"/></body></worldbody>
+      <actuator><motor joint="axle"/></actuator></mujoco>"""
+    follows_its_torque(load_text(text, sidecar='nominal = {"wheel.mx" = 0.2, "axle.K" = 0.01}'))
+
+
 def test_a_coupling_that_mujoco_does_not_have_is_refused(load_text):
     robot = load_text(arm(inside=BODY), sidecar=FOLLOWS)
     with pytest.raises(IdentifiabilityError, match="'w' follows several others"):
