@@ -16,8 +16,12 @@ import numpy as np
 import scipy
 
 from identifiability.effects import FAMILIES
+from identifiability.effects.base import GravityTilt
 from identifiability.effects.inertia import Payload
+from identifiability.effects.nominal import reference_values
+from identifiability.effects.registry import is_loaded
 from identifiability.estimation.differences import UNTOLD, WEIGHS, Differences, Known, pooled_values
+from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import MixedModel, Terms
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import percent_of
@@ -630,8 +634,14 @@ def payload(
         load.check(empty, turns=can_turn(structure, place))
         unloaded = case if isinstance(robot, Case) else [*empty, *case.validate]
         sides, hints = _gather_sides(fit, structure, logs, unloaded, run)
-        differences = _find_load(sides, fit, structure, place, load, case.robot.gravity)
+        of_load = fit, structure, place, load, case.robot.gravity
+        seen = sides.look(0)
+        differences = _find_load(sides, seen, *of_load)
         found, remarks = choose_weight(differences, place)
+        if is_loaded(structure.parameters):
+            seen = _carry(sides, seen, structure, place, found)
+            differences = _find_load(sides, seen, *of_load)
+            found, remarks = choose_weight(differences, place)
         scale = UNSCALED
         if fit is not None and mass is None:
             scale = measure_torque_scale(fit, [sample.motion for sample in sides.samples])
@@ -791,8 +801,31 @@ def _join_case(
     return Sides(loaded.count, regression), [*hints, *recordings.hints]
 
 
+def _carry(
+    sides: Sides, seen: Excerpt, structure: Structure, place: str, found: Differences
+) -> Excerpt:
+    """Return rows whose load-dependent columns have the load on a body, where logs carry it.
+
+    Friction that grows with the load of a joint would pass for a wrong gain of its torque. The load
+    is that of no further change.
+    """
+    first = found.known.size
+    theta = found.solve()[0][first : first + 10][FROM_GROUPED]
+    names = [f"{place}.{kind}" for kind in INERTIAL_KINDS]
+    values = reference_values(structure.robot)
+    carried = {n: values.get(n, 0.0) + x for n, x in zip(names, theta.tolist(), strict=True)}
+    robot = replace(structure.robot, reference={**values, **carried})
+    regression = replace(sides.regression, robot=robot)
+    columns = replace(sides, regression=regression).look(0).X
+    # The weight of a load already follows gravity as the base leans.
+    follows = np.array([p.group != GravityTilt.name for p in regression.parameters])
+    loaded = seen.log < sides.count
+    return replace(seen, X=np.where(loaded[:, None, None] & follows, columns, seen.X))
+
+
 def _find_load(
     sides: Sides,
+    seen: Excerpt,
     fit: Fit | None,
     structure: Structure,
     place: str,
@@ -812,7 +845,7 @@ def _find_load(
         known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
     patterns = list_patterns(len(sides.samples), count, count)
     weights = list_weights(structure.robot, gravity, place) if load.mass is None else ()
-    return find_differences(structure, sides.look(0), (place,), known, patterns, weights=weights)
+    return find_differences(structure, seen, (place,), known, patterns, weights=weights)
 
 
 def _without_gains(robot: Robot) -> Structure:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_load import PlantedLoad
+from planted_load import PlantedLoad, load_torque
 
 from identifiability import (
     IdentifiabilityError,
@@ -66,6 +66,23 @@ def test_a_scale_that_a_model_has_is_that_of_logs_with_the_load(make_logs, plant
     mass = payload(ARM, result, loaded[0], empty[1]).mass
     sizes = (change.sizes[0], change.sd[0]), (mass.value, mass.half / REACH)
     assert all(abs(x - planted.mass) < 3 * sd < 0.15 for x, sd in sizes)
+
+
+def test_a_load_adds_to_the_friction_by_load_of_a_model(make_logs, moves, planted):
+    name = "two-link"
+    own = moves(name)
+    bare = own.rigid.tau
+    carried = bare + load_torque(own.robot, "link2", planted, own.move, bare)
+    empty, loaded = (
+        make_logs(name, load, seed, extra=0.2 * np.abs(tau) * np.sign(own.move.dq))
+        for seed, load, tau in ((1, None, bare), (2, planted, carried))
+    )
+    rubs = ModelEntry(name="rubs", effects=[*DEFAULT_EFFECTS, "load_dependent_friction"])
+    result = analyze(name, empty, "none", ladder=LadderEntry(models=[rubs]), replicates=0)
+    found = payload(name, result, loaded)
+    mass = found.as_measured[0]
+    assert not found.estimate.changes
+    assert abs(mass.value - planted.mass) < mass.half
 
 
 def test_a_load_hangs_from_the_base_as_it_leans():
