@@ -7,7 +7,7 @@ searches for the joints that bend, and tunes their numbers; rivals are fitted wi
 
 from __future__ import annotations
 
-from .result import Bending, ElasticJoint
+from .result import Bending
 from .search import find_bending
 
-__all__ = ["Bending", "ElasticJoint", "find_bending"]
+__all__ = ["Bending", "find_bending"]

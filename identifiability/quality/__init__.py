@@ -11,15 +11,13 @@ from __future__ import annotations
 from importlib import import_module
 from pkgutil import iter_modules
 
-from .registry import MeasuredLogs, Oddities, RawLogs, find_always, find_oddities, mend
+from .registry import MeasuredLogs, find_always, find_oddities, mend
 
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")
 
 __all__ = [
     "MeasuredLogs",
-    "Oddities",
-    "RawLogs",
     "find_always",
     "find_oddities",
     "mend",

@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, frame_table
-    from identifiability.foundation.quoting import for_svg
     from identifiability.report import plot
 
     from .blocks import (
@@ -47,7 +46,6 @@ _HOMES = (
     "report.figures",
     "report.results",
     "foundation.answers",
-    "foundation.quoting",
 )
 
 __all__ = [
@@ -72,7 +70,6 @@ __all__ = [
     "canvas",
     "check_cell",
     "drawn",
-    "for_svg",
     "frame_table",
     "plot",
     "render_page",

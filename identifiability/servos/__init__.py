@@ -22,7 +22,7 @@ from .positions import forgotten
 from .rollouts import Rollouts
 from .standing import state_standing
 from .start import settle_joints
-from .torque import compute_torque, replace_servo, servo_log
+from .torque import compute_torque, servo_log
 from .windows import moving_commands
 
 __all__ = [
@@ -39,7 +39,6 @@ __all__ = [
     "forgotten",
     "learn_gains",
     "moving_commands",
-    "replace_servo",
     "roll_delayed",
     "select_commanded",
     "servo_log",

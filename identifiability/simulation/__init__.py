@@ -12,7 +12,7 @@ from .motion import (
     read_trajectories,
     shipped_trajectory,
 )
-from .mujoco_robot import MujocoRobot, RigidTorque
+from .mujoco_robot import MujocoRobot
 from .simulator import PAPER_NOISE, Campaign, Noise, simulate
 
 __all__ = [
@@ -21,7 +21,6 @@ __all__ = [
     "MujocoRobot",
     "Noise",
     "PrescribedMotion",
-    "RigidTorque",
     "Trajectory",
     "random_trajectory",
     "read_trajectories",

@@ -13,8 +13,8 @@ holds the answer.
 """
 
 from .limits import find_limits
-from .next_motion import NextMotion, find_next
+from .next_motion import find_next
 from .result import Excitation
 from .workflow import excite
 
-__all__ = ["Excitation", "NextMotion", "excite", "find_limits", "find_next"]
+__all__ = ["Excitation", "excite", "find_limits", "find_next"]

@@ -11,7 +11,7 @@ suggest. `elimination` predicts folds, walks the path, chooses a model of it, an
 stable the choice is. `result` holds the answer. `workflow` goes from robot and logs to the answer.
 """
 
-from .result import Ladder, PrunedModel
+from .result import Ladder
 from .workflow import prune
 
-__all__ = ["Ladder", "PrunedModel", "prune"]
+__all__ = ["Ladder", "prune"]
