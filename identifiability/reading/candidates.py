@@ -273,22 +273,20 @@ class ReadingCandidates:
         for order in self.leg_orders() if self.logs.robot.closed else pairs:
             pair = self._moved_by(order)
             motion = self.literal.motion[order]
-            positions = replace(self.literal, remedy=CORRECT_POSITIONS, motion=motion)
             what = f"The positions of {pair} seem to be exchanged"
-            yield replace(positions, description=what)
+            yield self._other(what, CORRECT_POSITIONS, motion=motion)
             what = f"The joints {pair} seem to be exchanged"
-            yield replace(positions, description=what, order=order)
+            yield self._other(what, CORRECT_POSITIONS, motion=motion, order=order)
 
     def reversed_positions(self, joint: int) -> Iterator[Reading]:
         """Yield positions of a joint with the other sign, without and with its torque."""
         name = self.names[joint]
         sign = np.where(self.is_joint(joint), -1.0, 1.0)
         motion = self.literal.motion * sign[:, None]
-        positions = replace(self.literal, remedy=CORRECT_POSITIONS, motion=motion)
         what = f"The positions of {name} seem to have the wrong sign"
-        yield replace(positions, description=what)
+        yield self._other(what, CORRECT_POSITIONS, motion=motion)
         what = f"The joint {name} seems to turn the other way"
-        yield replace(positions, description=what, factor=sign)
+        yield self._other(what, CORRECT_POSITIONS, motion=motion, factor=sign)
 
     def positions_in_degrees(self, joint: int) -> Iterator[Reading]:
         """Yield positions of a revolute joint in degrees.
