@@ -1,8 +1,15 @@
 """The two-link arm with servos, and what its joints have beside its file."""
 
 import shutil
+import sys
+from pathlib import Path
 
 from identifiability import Robot
+
+MODELS = Path(__file__).resolve().parents[1] / "models"
+sys.path.insert(0, str(MODELS.parent / "studies"))
+
+import servo_robots as servos  # noqa: E402
 
 SIDECAR = """
 name = "Arm with servos"
@@ -24,3 +31,9 @@ def load_arm(folder, sidecar=SIDECAR):
     shutil.copy(Robot.load("two-link").path, folder / "arm.xml")
     (folder / "arm.toml").write_text(sidecar)
     return Robot.load(folder / "arm.xml")
+
+
+def draw(robot, seconds, size, how, rng, truth=TRUTH, *more):
+    """Record drawn commands of a robot."""
+    moves = servos.draw_commands(robot, seconds, how.command_rate, size, rng)
+    return servos.record(robot, truth, moves, seconds, how, rng, *more)

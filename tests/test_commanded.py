@@ -2,9 +2,7 @@
 
 import re
 import shutil
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -52,12 +50,7 @@ from identifiability.servos.rollouts import are_contradicted
 from identifiability.servos.windows import cut_windows
 from identifiability.simulation.rollout import CommandedRobot
 
-MODELS = Path(__file__).resolve().parents[1] / "models"
-sys.path.insert(0, str(MODELS.parent / "studies"))
-
-import servo_robots as servos  # noqa: E402
-
-from .made_servos import SIDECAR, TRUTH, load_arm  # noqa: E402
+from .made_servos import MODELS, SIDECAR, TRUTH, draw, load_arm, servos
 
 STIFF = """<mujoco><compiler angle="radian"/><worldbody><body><inertial mass="150" pos="0 0 0"
 diaginertia="1 1 1"/><joint name="x" type="slide" axis="1 0 0" damping="60" frictionloss="25"
@@ -84,12 +77,6 @@ def frames(arm):
 
 def read(robot, frame):
     return Log.from_frame(frame, conventions=Conventions.of(robot)).select(robot.joints)
-
-
-def draw(robot, seconds, size, how, rng, truth=TRUTH, *more):
-    """Record drawn commands of a robot."""
-    moves = servos.draw_commands(robot, seconds, how.command_rate, size, rng)
-    return servos.record(robot, truth, moves, seconds, how, rng, *more)
 
 
 # The servo that files state.
@@ -298,8 +285,7 @@ def test_a_search_leaves_friction_in_place_of_a_rotor(tmp_path):
 def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path):
     rng, how = default_rng(5), servos.Recorder(100.0, delay=0.007)
     own = replace(arm.servo, ki=2.0 * arm.servo.kp)
-    moves = [servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng) for _ in range(2)]
-    logs = [servos.record(arm, TRUTH, x, 8.0, how, rng, own) for x in moves]
+    logs = [draw(arm, 8.0, 0.35, how, rng, TRUTH, own) for _ in range(2)]
     shutil.copy(arm.path, tmp_path / "arm.xml")
     said = arm.path.with_suffix(".toml").read_text()
     unknown = re.sub("(?m)^kp = .*$", 'kp = "fit"\nki = "fit"', said)
@@ -531,9 +517,8 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
 @pytest.mark.parametrize("late", [pytest.param(0.0, marks=pytest.mark.everything), 0.004])
 def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early(arm, late):
     rng, how = default_rng(1), servos.Recorder(bits=12)
-    moves = [servos.draw_commands(arm, 5.0, 50.0, 0.35, rng) for _ in range(2)]
     fault = servos.Fault(1, "late", late)
-    fitted, unseen = (servos.record(arm, TRUTH, c, 5.0, how, rng, fault=fault) for c in moves)
+    fitted, unseen = (draw(arm, 5.0, 0.35, how, rng, TRUTH, None, fault) for _ in range(2))
     few = ["command_delay", "torque_scale", "stribeck_friction", "velocity_leak"]
     found = diagnose(arm, fitted, unseen, effects=few, quick=True, forward=False)
     named = {p.place: p for e in found.effects for p in e.placements}
@@ -678,12 +663,10 @@ def test_rests_tell_friction_from_an_offset(arm, frames, kind, effect):
     truth = {**TRUTH, "elbow.Fc": 0.3, "elbow.off": 0.3, f"elbow.{kind}": 6.0}
     steps = np.repeat([0.0, 0.2, 0.0, -0.2] * 2, 50)
     commands = arm.home + np.stack([0 * steps, steps], 1)
-    rng, how = default_rng(1), servos.Recorder()
-    log = read(arm, servos.record(arm, truth, commands, 7.9, how, rng))
+    log = read(arm, servos.record(arm, truth, commands, 7.9, servos.Recorder(), default_rng(1)))
     machine = CommandedRobot(arm, {})
-    said = state_standing(machine, [log])
-    assert effect in said
-    assert state_standing(machine, [read(arm, frames[0])]) == ""
+    assert effect in state_standing(machine, [log])
+    assert not state_standing(machine, [read(arm, frames[0])])
 
 
 def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, frames):

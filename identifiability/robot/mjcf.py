@@ -32,6 +32,7 @@ from .floating import BASE_JOINTS, SIX, Base
 from .inertials import describe_faults, find_faults
 from .kinematics import WORLD, Joint, JointType, Point, Tree, read_tree, weld
 from .locate import check_files, file_text, read_markup
+from .servo import DRY_FRICTION
 from .sidecar import Sidecar
 
 _EQ, _OBJ, _OFF, _TRN = mujoco.mjtEq, mujoco.mjtObj, mujoco.mjtDisableBit, mujoco.mjtTrn
@@ -352,7 +353,9 @@ class Actuator:
     force, command : (2,)
         Limits of its force and its command; infinite without any.
     numbers : mapping
-        Its armature and damping.
+        Its armature and damping, and its dry friction if that builds up.
+    distance : float [rad or m]
+        Over which dry friction builds up; zero for any other actuator.
     """
 
     name: str
@@ -367,6 +370,7 @@ class Actuator:
     force: Array
     command: Array
     numbers: NumberByName
+    distance: float
 
     @property
     def joint(self) -> str:
@@ -402,6 +406,8 @@ def read_actuators(m: Any) -> list[Actuator]:
         arms = {m.joint(target).name: 1.0} if kind in _ON_JOINT else {}
         bias = m.actuator_biasprm[a, :3] * (m.actuator_biastype[a] == _AFFINE)
         integral = float(m.actuator_gainprm[a, 0]) if _integrates(m, a) else 0.0
+        limited = m.actuator_ctrlnum[a] and m.actuator_ctrllimited[control]
+        friction, distance = _read_friction(m, a)
         found.append(
             Actuator(
                 name=m.actuator(a).name or f"number {a + 1}",
@@ -414,13 +420,21 @@ def read_actuators(m: Any) -> list[Actuator]:
                 integral=integral,
                 bias=bias,
                 force=m.actuator_forcerange[a] if m.actuator_forcelimited[a] else ENDLESS_SPAN,
-                command=m.actuator_ctrlrange[control]
-                if m.actuator_ctrllimited[control]
-                else ENDLESS_SPAN,
-                numbers=_numbers(m, "actuator", a),
+                command=m.actuator_ctrlrange[control] if limited else ENDLESS_SPAN,
+                numbers=_numbers(m, "actuator", a) | friction,
+                distance=distance,
             )
         )
     return found
+
+
+def _read_friction(m: Any, a: int) -> tuple[dict[str, float], float]:
+    """Return the dry friction of an actuator, and the distance over which it builds up, if any."""
+    builds_up = m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_DCMOTOR
+    if not (builds_up and m.actuator(a).name.startswith(DRY_FRICTION)):
+        return {}, 0.0
+    level = float(m.actuator_biasprm[a, 3])
+    return {"frictionloss": level}, level / float(m.actuator_dynprm[a, 5])
 
 
 def _integrates(m: Any, a: int) -> bool:
@@ -451,8 +465,9 @@ def _law(m: Any, a: int) -> str:
 
 def find_gears(actuators: Sequence[Actuator]) -> dict[str, float]:
     """Return the gears of joints that have exactly one actuator."""
-    count = Counter(a.joint for a in actuators)
-    return {a.joint: a.factor for a in actuators if a.joint and a.factor and count[a.joint] == 1}
+    driving = [a for a in actuators if a.joint and not a.distance]
+    count = Counter(a.joint for a in driving)
+    return {a.joint: a.factor for a in driving if a.factor and count[a.joint] == 1}
 
 
 def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
@@ -465,19 +480,22 @@ def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
 
 
 def find_servos(actuators: Sequence[Actuator]) -> dict[str, Array]:
-    """Return kp, kv, ki, least and largest torque of the servos, (5,) by joint or tendon.
+    """Return the numbers of the servos by joint or tendon, (6,).
 
-    Several servos at one joint add up, for example a position servo and a damper.
+    They are kp, kv, ki, least and largest torque, and the distance over which dry friction builds
+    up. Several servos at one joint add up, for example a position servo and a damper.
     """
     found: dict[str, Array] = {}
-    motors = {a.owner for a in actuators if a.law not in ("q_ref", "dq_ref") or not a.gear}
-    for a in actuators:
+    distances = {a.owner: a.distance for a in actuators if a.distance}
+    driving = [a for a in actuators if not a.distance]
+    motors = {a.owner for a in driving if a.law not in ("q_ref", "dq_ref") or not a.gear}
+    for a in driving:
         if a.owner and a.owner not in motors:
             ends = np.sort(a.force * a.factor) + a.offset
             gains = a.factor**2 * np.append(-a.bias[1:], a.integral)
             own = np.concatenate([gains, ends])
             found[a.owner] = found.get(a.owner, np.zeros(5)) + own
-    return found
+    return {name: np.append(own, distances.get(name, 0.0)) for name, own in found.items()}
 
 
 def choose_slides(

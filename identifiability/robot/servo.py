@@ -31,6 +31,9 @@ FOUND = "the logs"
 #: Word of a sidecar for a gain to fit.
 FIT = "fit"
 
+#: Start of the name of an actuator of dry friction that builds up over a distance.
+DRY_FRICTION = "dry friction of "
+
 
 @frozen
 class Servo:
@@ -100,9 +103,12 @@ class Servo:
     @property
     def integral(self) -> Array:
         """Integral gain of each joint, (n,): zero for none."""
-        if self.ki.size:
-            return self.ki
-        return np.zeros(len(self.kp))
+        return self.ki if self.ki.size else np.zeros(len(self.kp))
+
+    @property
+    def distance(self) -> Array:
+        """Distance over which dry friction of each joint builds up, (n,): zero for none."""
+        return self.slide if self.slide.size else np.zeros(len(self.kp))
 
     def having(self, gains: Mapping[str, Array]) -> Servo:
         """Return the servos with other ``kp``, ``kv`` and ``ki``, each (n,), if given.
@@ -130,6 +136,10 @@ class Servo:
             for k, each in gains
             if np.isfinite(each).any()
         }
+
+    def slides(self, joints: Sequence[str]) -> dict[str, float]:
+        """Return the distance over which dry friction builds up, by joint if there is any."""
+        return {j: x for j, x in zip(joints, self.distance.tolist(), strict=True) if x}
 
     @property
     def age(self) -> float:
@@ -238,7 +248,8 @@ def read_servo(
         The sidecar's ``[servo]``. Gains are fitted if it states ``"fit"``, and at joints for which
         neither it nor the file states any.
     stated : mapping
-        Values of the robot file by joint: kp, kv, ki, least and largest torque, (5,).
+        Values of the robot file by joint: kp, kv, ki, least and largest torque, and the distance
+        over which dry friction builds up, (6,).
     joints : tuple of str
         The actuated ones.
 
@@ -250,7 +261,7 @@ def read_servo(
     if entry is None and not all(j in stated for j in joints):
         return None
     entry = entry or ServoEntry()
-    none = (np.nan, np.nan, 0.0, -np.inf, np.inf)
+    none = (np.nan, np.nan, 0.0, -np.inf, np.inf, 0.0)
     found = np.array([stated.get(joint, none) for joint in joints], float)
     for k, key in enumerate(("kp", "kv", "ki", "limit")):
         said = getattr(entry, key)
@@ -258,10 +269,10 @@ def read_servo(
         for joint, x in by_name(path, f"servo.{key}", table, joints).items():
             own = found[joints.index(joint)]
             value = np.nan if x == FIT else float(x)
-            own[k:] = (-value, value) if key == "limit" else (value, *own[k + 1 :])
+            own[k : k + 2] = (-value, value) if key == "limit" else (value, own[k + 1])
             if key == "kp" and np.isnan(own[1]) and x != FIT:
                 own[1] = 0.0  # none stated is none
-    kp, kv, ki, low, high = found.T
+    kp, kv, ki, low, high, slide = found.T
     idle = ~(np.isnan(kp) | np.isnan(kv) | (kp > 0) | (kv > 0))
     if idle.any():
         loose = joints[int(np.argmax(idle))]
@@ -280,5 +291,6 @@ def read_servo(
         assumed=entry.rate is None,
         lag=entry.lag,
         speed_lag=entry.speed_lag,
+        slide=slide,
         ki=ki,
     )

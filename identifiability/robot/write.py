@@ -38,7 +38,7 @@ from .locate import (
     place_sidecar,
     read_bytes,
 )
-from .servo import FOUND, Servo
+from .servo import DRY_FRICTION, FOUND, Servo
 from .sidecar import read_sidecar
 
 # Edit the text of a robot file: only changed parts are written anew. Comments, order and
@@ -178,7 +178,13 @@ def in_radians(top: ET.Element) -> bool:
 
 
 def clear_mjcf(top: ET.Element) -> None:
-    """Remove attributes by which compilation would change the written values or add to them."""
+    """Remove attributes by which compilation would change the written values or add to them.
+
+    Actuators of dry friction add to that of their joints, so they are removed, too.
+    """
+    for part in top.findall("actuator"):
+        for old in [e for e in part if e.get("name", "").startswith(DRY_FRICTION)]:
+            part.remove(old)
     for tags, keys in _GONE:
         for element in (e for tag in tags.split() for e in top.iter(tag)):
             for key in keys.split():
@@ -208,6 +214,42 @@ def affine_law(gain: float, bias: Array, ki: float = 0.0) -> dict[str, str]:
         pid = {"dyntype": "pid", "dynprm": "0", "gaintype": "pid", "input": "pos"}
         law |= {**pid, "gainprm": f"{ki:.17g}"}
     return law
+
+
+def write_friction(
+    top: ET.Element, owners: Mapping[Any, ET.Element], distances: NumberByName
+) -> None:
+    """Move dry friction of joints and tendons to actuators, where it builds up [Dahl 1968].
+
+    MuJoCo bends bristles. These actuators have no command, and come last, so that the others keep
+    their places among commands.
+
+    Parameters
+    ----------
+    top : Element
+    owners : mapping of str to Element
+        Joints and tendons by name.
+    distances : mapping of str to float [rad or m]
+    """
+    place = top.findall("actuator")[-1]
+    law = {
+        **dict.fromkeys(("dyntype", "gaintype", "biastype"), "dcmotor"),
+        **dict.fromkeys(("ctrllimited", "forcelimited"), "false"),
+        **dict.fromkeys(("gear", "actdim"), "1"),
+        "input": "none",
+        "actearly": "true",
+        "gainprm": "1 0 0 0 0 0 0 0 0 0",
+    }
+    for name, distance in distances.items():
+        owner = owners[name]
+        level = float(owner.get("frictionloss", 0.0))
+        owner.set("frictionloss", "0")
+        kind = "joint" if owner.tag == "joint" else "tendon"
+        own = {"name": f"{DRY_FRICTION}{name}", kind: name}
+        stiffness = f"0 0 0 0 0 {level / distance:.17g} 0 0 0 0"
+        force = f"0 0 0 {level:.17g} {level:.17g} 1 0 0 0 0"
+        if level:
+            ET.SubElement(place, "general", own | law, dynprm=stiffness, biasprm=force)
 
 
 def write_servos(
@@ -498,6 +540,7 @@ def _write_forces(
             "solreffriction": "0.002 1",
             "solimpfriction": "0.9999 0.9999",
         }
+    write_friction(top, elements, servo.slides(robot.joints))
 
 
 def _check_template(robot: Description, top: ET.Element) -> None:
@@ -704,7 +747,7 @@ def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
 
     elements = [e for part in top.findall("actuator") for e in part]
     left = dict(offsets)
-    actuators = read_actuators(_compile(path))
+    actuators = [a for a in read_actuators(_compile(path)) if not a.distance]
     for e, a in zip(elements, actuators, strict=True):
         if a.owner not in offsets or not a.law or not a.factor:
             continue

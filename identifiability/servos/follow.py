@@ -107,7 +107,8 @@ def follow_commands(
         )
     except RobotError as error:
         return _without_rollouts(recordings, servo, error), structure
-    servo = replace(servo, slide=found.numbers["slide"])
+    slide = CommandedRobot(robot, found.parameters).distance(found.numbers)
+    servo = replace(servo, slide=slide)
     robot = replace(robot, servo=servo)
     structure = replace(structure, robot=robot)
     say("checking each joint", 0.45)

@@ -21,7 +21,7 @@ from identifiability.robot import Robot
 from identifiability.robot.closure import rest_along
 from identifiability.robot.locate import LARGEST
 from identifiability.robot.mjcf import quiet
-from identifiability.robot.servo import Servo
+from identifiability.robot.servo import DRY_FRICTION, Servo
 from identifiability.robot.write import own_inertial, share_out
 
 from .forces import JointTerms, both_directions
@@ -201,7 +201,8 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int, kind: Any) -> None:
         trntype=kind,
         **options,
     )
-    spec.add_actuator(name=f"dry friction of {joint}", target=joint, trntype=kind, **_BRISTLES)
+    rub = f"{DRY_FRICTION}{joint}"
+    spec.add_actuator(name=rub, target=joint, trntype=kind, **_BRISTLES)
     if kind == _JOINT and servo.play.any() and servo.play[k] > 0:
         like = spec.joint(joint)
         ends = 0.5 * servo.play[k] * np.array([-1.0, 1.0])

@@ -31,7 +31,7 @@ from identifiability.logs import Log, signals
 from identifiability.logs.commands import acting
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import find_arms, quiet
-from identifiability.robot.servo import Servo
+from identifiability.robot.servo import DRY_FRICTION, Servo
 
 from .forward import DIVERGED, HARD, ForwardRobot
 
@@ -177,7 +177,7 @@ class CommandedRobot:
         numbers = [self.model.actuator(j).id for j in robot.joints]
         self.actuators = np.array(numbers, int)
         #: Actuators of dry friction that builds up over a distance.
-        bristles = [self.model.actuator(f"dry friction of {j}").id for j in robot.joints]
+        bristles = [self.model.actuator(f"{DRY_FRICTION}{j}").id for j in robot.joints]
         self.bristles = np.array(bristles, int)
         joints, lines = self._forward.bias
         tendons = [cable.name for cable in robot.cables]
@@ -273,7 +273,7 @@ class CommandedRobot:
             "Fv": damping,
             "Fc": friction,
             "off": self.offset.copy(),
-            "slide": self.servo.slide if self.servo.slide.size else 0.0 * friction,
+            "slide": self.servo.distance,
             "ki": self.servo.integral,
             "kv": self.servo.kv,
             "kp": self.servo.kp,
@@ -418,7 +418,7 @@ class CommandedRobot:
         places.write(model, "damping", damping)
         servo = self.servo.having(numbers)
         whole = self.bare + numbers["Ia"]
-        self._set_friction(model, numbers, whole)
+        self._set_friction(model, numbers)
         taken = -servo.lead + 0.5 * h * (damping + servo.damping)
         # A file without rotors may state less inertia than a servo of this rate can control.
         places.write(model, "armature", numbers["Ia"] - np.minimum(taken, LITTLE * whole))
@@ -440,18 +440,25 @@ class CommandedRobot:
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 
-    def _set_friction(self, model: Any, numbers: Mapping[str, Array], whole: Array) -> None:
-        """Set dry friction, which may build up over a distance, of joints of some inertia (n,)."""
+    def distance(self, numbers: Mapping[str, Array], h: float = STEP) -> Array:
+        """Return the distance over which dry friction builds up in steps of h seconds, (n,).
+
+        It is zero for Coulomb friction. The step must follow the bristles.
+        """
         friction = np.maximum(numbers["Fc"], 0.0)
-        slide = numbers.get("slide", np.zeros(len(friction)))
-        builds_up = (slide > 0) & (friction > 0)
+        slide = numbers.get("slide", 0.0 * friction)
+        least = 0.5 * friction * h**2 / (self.bare + numbers["Ia"])
+        return np.where((slide > 0) & (friction > 0), np.maximum(slide, least), 0.0)
+
+    def _set_friction(self, model: Any, numbers: Mapping[str, Array]) -> None:
+        """Set dry friction, which may build up over a distance."""
+        friction = np.maximum(numbers["Fc"], 0.0)
+        distance = self.distance(numbers, model.opt.timestep)
+        builds_up = distance > 0
         self.places.write(model, "frictionloss", np.where(builds_up, 0.0, friction))
-        # The step must follow the bristles.
-        least = 0.5 * friction * model.opt.timestep**2 / whole
-        distance = np.where(builds_up, np.maximum(slide, least), 1.0)
         level = np.where(builds_up, friction, 1e-12)
         model.actuator_biasprm[self.bristles, 3:5] = level[:, None]
-        model.actuator_dynprm[self.bristles, 5] = level / distance
+        model.actuator_dynprm[self.bristles, 5] = level / np.where(builds_up, distance, 1.0)
 
 
 def sum_errors(log: Log, servo: Servo, delay: float, dt: float) -> Array:

@@ -18,6 +18,7 @@ from identifiability.effects.base import apply_tilt
 from identifiability.effects.vocabulary import complete_values, drop_follower_friction
 from identifiability.estimation.groups import MissingEffects, place_of
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
+from identifiability.estimation.verdict import Class
 from identifiability.foundation import handed
 from identifiability.foundation.answers import Answer
 from identifiability.foundation.documents import read_document
@@ -761,10 +762,12 @@ class RolloutEntry(Entry):
     error: float | None = None
     error_file: float | None = None
     gains: dict[str, dict[str, float]] = {}
+    slide: dict[str, float] = {}
     standing: tuple[str, ...] = ()
 
-    def apply_gains(self, servo: Servo, joints: Sequence[str]) -> Servo:
-        """Return servos with the gains that logs determined."""
+    def apply(self, servo: Servo, joints: Sequence[str]) -> Servo:
+        """Return servos with the gains, and the build-up of friction, that logs determined."""
+        servo = replace(servo, slide=np.array([self.slide.get(j, 0.0) for j in joints]))
         if not self.gains:
             return servo
         own = {k: np.array([of.get(j, np.inf) for j in joints]) for k, of in self.gains.items()}
@@ -974,12 +977,56 @@ def read_real(
         why = physical.reason or physical.certificate
         raise IdentifiabilityError(f"{path} holds no real robot to be {done}. {why}".rstrip())
     if robot.servo is not None and found is not None:
-        servo = found.apply_gains(robot.servo, robot.joints)
-        robot = replace(robot, servo=servo)
+        robot = replace(robot, servo=found.apply(robot.servo, robot.joints))
+        content, kept = _keep_standing(robot, content)
+        given = given | kept
     if physical.gravity is not None:
         given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
         robot = robot.turned(np.array(physical.gravity.direction))
     return content, *apply_tilt(robot, given)
+
+
+#: Words of a robot file for the numbers of a joint, and their kinds of parameters.
+WORDS = {"armature": "Ia", "damping": "Fv", "frictionloss": "Fc"}
+
+
+def _keep_standing(robot: Robot, content: ResultEntry) -> tuple[ResultEntry, dict[str, float]]:
+    """Return the file's values for rotors and friction of joints that no command moves in the logs.
+
+    Values that the logs determine all the same are not among them. The rows of the result, which
+    come first, say why the others are. A joint of which the file states neither rotor nor friction
+    would ring, so it gets the numbers of a servo that settles.
+    """
+    standing = content.rollout.standing if content.rollout else ()
+    if not standing:
+        return content, {}
+    names = {f"{joint}.{kind}" for joint in standing for kind in WORDS.values()}
+    names &= {r["name"] for r in content.parameters if r["verdict"] == Class.NOT_IDENTIFIABLE}
+    kept = {name: robot.nominal.get(name, 0.0) for name in names}
+    settled = _settle(robot, standing, kept)
+    kept |= settled
+    why = {name: phrase("exported", "settled" if name in settled else "standing") for name in names}
+    rows = tuple(
+        row | {"used_because": why[row["name"]]} if row["name"] in names else row
+        for row in content.parameters
+    )
+    return content.model_copy(update={"parameters": rows}), kept
+
+
+def _settle(robot: Robot, standing: Sequence[str], values: Mapping[str, float]) -> dict[str, float]:
+    """Return rotors and friction of standing joints of which the file states none."""
+    from identifiability.servos import settle_joints  # noqa: PLC0415 - MuJoCo
+    from identifiability.simulation.rollout import CommandedRobot  # noqa: PLC0415 - MuJoCo
+
+    kinds = WORDS.values()
+    bare = [j for j in standing if not any(robot.nominal.get(f"{j}.{kind}") for kind in kinds)]
+    if not bare:
+        return {}
+    machine = CommandedRobot(robot, values)
+    at = np.isin(robot.joints, bare)
+    settled = settle_joints(machine, machine.numbers(), at)
+    names = [(f"{robot.joints[k]}.{kind}", k, kind) for k in np.flatnonzero(at) for kind in kinds]
+    return {name: float(settled[kind][k]) for name, k, kind in names if name in values}
 
 
 def refuse_robot(
@@ -1232,6 +1279,7 @@ class PositionPrediction(Result):
         """Return the prediction for the JSON of the fitted robot's result."""
         servo, (file, own, *_) = self.robot.servo, self.totals.tolist()
         gains = servo.by_joint(self.robot.joints) if servo and servo.source == FOUND else {}
+        slide = servo.slides(self.robot.joints) if servo else {}
         names = [log.name for log in self.logs]
         delays = list(self.runs[1].delays)
         error = own if np.isfinite(own) else None
@@ -1244,6 +1292,7 @@ class PositionPrediction(Result):
             "error": error,
             "error_file": error_file,
             **({"gains": gains} if gains else {}),
+            **({"slide": slide} if slide else {}),
             **({"standing": list(self.standing)} if self.standing else {}),
         }
 

@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from textwrap import shorten
 from typing import Any
 
-import numpy as np
-
 from identifiability.estimation.verdict import Class, Flag
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import INERTIAL_KINDS
@@ -45,45 +43,6 @@ def describe_joints(
         each.append(phrase("exported", "far", values=far))
     # Names with line ends would break the lines of a patch.
     return tuple(map(for_terminal, each))
-
-
-def keep_standing(robot: Robot, content: ResultEntry) -> tuple[ResultEntry, dict[str, float]]:
-    """Return the file's values for rotors and friction of joints that no command moves in the logs.
-
-    Values that the logs determine all the same are not among them. The rows of the result, which
-    come first, say why the others are. A joint of which the file states neither rotor nor friction
-    would ring, so it gets the numbers of a servo that settles.
-    """
-    standing = content.rollout.standing if content.rollout else ()
-    if not standing:
-        return content, {}
-    names = {f"{joint}.{kind}" for joint in standing for kind in WORDS.values()}
-    names &= {r["name"] for r in content.parameters if r["verdict"] == Class.NOT_IDENTIFIABLE}
-    kept = {name: robot.nominal.get(name, 0.0) for name in names}
-    settled = _settle(robot, standing, kept)
-    kept |= settled
-    why = {name: phrase("exported", "settled" if name in settled else "standing") for name in names}
-    rows = tuple(
-        row | {"used_because": why[row["name"]]} if row["name"] in names else row
-        for row in content.parameters
-    )
-    return content.model_copy(update={"parameters": rows}), kept
-
-
-def _settle(robot: Robot, standing: Sequence[str], values: Mapping[str, float]) -> dict[str, float]:
-    """Return rotors and friction of standing joints of which the file states none."""
-    from identifiability.servos import settle_joints  # noqa: PLC0415 - MuJoCo
-    from identifiability.simulation.rollout import CommandedRobot  # noqa: PLC0415 - MuJoCo
-
-    kinds = WORDS.values()
-    bare = [j for j in standing if not any(robot.nominal.get(f"{j}.{kind}") for kind in kinds)]
-    if not bare:
-        return {}
-    machine = CommandedRobot(robot, values)
-    at = np.isin(robot.joints, bare)
-    settled = settle_joints(machine, machine.numbers(), at)
-    names = [(f"{robot.joints[k]}.{kind}", k, kind) for k in np.flatnonzero(at) for kind in kinds]
-    return {name: float(settled[kind][k]) for name, k, kind in names if name in values}
 
 
 def _list_far(

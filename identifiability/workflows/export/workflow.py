@@ -72,7 +72,7 @@ from identifiability.workflows.predict import (
     state_missing,
 )
 
-from .joints import describe_joints, keep_standing, state_doubted
+from .joints import describe_joints, state_doubted
 from .snippet import write_snippet
 
 
@@ -367,8 +367,6 @@ def export(
     known = every_parameter(robot, content.physical.shapes)
     check_result(robot, Path(result), content, {*known, *robot.nominal})
     given |= _as_stated(robot, given)
-    content, kept = keep_standing(robot, content)
-    given |= kept
     said = note_change(result, content.robot, own)
     if wanted == "isaaclab":
         written = Written(write_isaaclab(robot, given, content, out))
@@ -594,6 +592,11 @@ def _notes(
 ) -> tuple[str, ...]:
     """Return the notes on a file that was written, with its error unless that is stated."""
     notes = [] if content.rollout is None or said else [content.rollout.statement]
+    slide = {} if content.rollout is None else content.rollout.slide
+    if slide:
+        part = "bristles" if kind == "mjcf" else "coulomb"
+        most = 1e3 * max(slide.values())
+        notes.append(phrase("exported", part, file=name, joints=[*slide], most=most))
     if content.rollout is None and robot.servo is not None and robot.servo.delay is None:
         notes.append(phrase("exported", "delay"))
     if robot.tilt is not None:
