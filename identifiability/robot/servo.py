@@ -17,7 +17,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array, Strings
-from identifiability.foundation.rounding import REACH
+from identifiability.foundation.rounding import REACH, format_number, measured
 from identifiability.foundation.values import frozen
 
 from .sidecar import ServoEntry, by_name
@@ -220,6 +220,25 @@ class Servo:
         older = [replace(self, lag=(self.lag or 0.0) + lag)] if lag else []
         slower = [replace(self, speed_lag=speed_lag)] if speed_lag else []
         return (*gains, *older, *slower)
+
+
+def state_gain(value: float, sd: float) -> str:
+    """Return a gain with its error (95 %), or with that logs do not determine it."""
+    half = REACH * sd
+    return measured(value, half) if half < value else f"{format_number(value, 2)} (not determined)"
+
+
+def list_gains(told: Mapping[str, tuple[float, float]], joint: str) -> list[str]:
+    """Return the gains of a joint that logs told, each with its error (95 %).
+
+    Parameters
+    ----------
+    told : mapping of str to (float, float)
+        Gains by joint and kind, with their standard deviations.
+    joint : str
+    """
+    pairs = {kind: told.get(f"{joint}.{kind}", (0.0, 0.0)) for kind in ("kp", "kv", "ki")}
+    return [f"{kind} {state_gain(*pair)}" for kind, pair in pairs.items() if pair[0] > 0]
 
 
 def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:

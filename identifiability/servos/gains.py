@@ -15,21 +15,17 @@ import numpy as np
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import percent
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.rounding import REACH, percent
 from identifiability.foundation.runs import First, Progress
 from identifiability.logs import Log
 from identifiability.logs.contradictions import check_units
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot
-from identifiability.robot.servo import FOUND, Servo
+from identifiability.robot.servo import FOUND, Servo, state_gain
 
 from .fit import fit_rollouts
 from .rollouts import Rollouts
 from .torque import set_aside_joints
-
-#: Above this standard deviation of a gain's logarithm, logs determine only ratios to the gain.
-UNTOLD: Tolerance = 0.5
 
 
 def file_shares(robot: Robot) -> dict[str, float]:
@@ -102,8 +98,9 @@ def state_gains(
     ki_sd, kv_sd, log_kp_sd = np.split(np.sqrt(np.diag(found.covariance)), 3)
     problem = found.search[0]
     moves = problem.moves.any(0)
-    is_told = log_kp_sd <= UNTOLD
-    new_kp = np.isnan(asked.kp) & moves & is_told
+    # Where zero is within the error of a gain, logs determine only ratios to it.
+    is_told = REACH * log_kp_sd < 1
+    new_kp = np.isnan(asked.kp) & moves
     new_kv = np.isnan(asked.kv) & (servo.kv > 0) & moves
     new_ki = np.isnan(asked.integral) & moves
     of_kp = _list_gains("kp", robot, servo.kp, log_kp_sd * servo.kp, new_kp)
@@ -128,9 +125,7 @@ def state_gains(
 
 
 def _list_gains(kind: str, robot: Robot, values: Array, sd: Array, new: np.ndarray) -> str:
-    """Return the new gains of a kind with their standard deviations; nothing if there are none."""
+    """Return the new gains of a kind with their errors (95 %); nothing if there are none."""
     joints = np.flatnonzero(new)
-    each = [f"{robot.joints[k]} {values[k]:.4g} (± {sd[k]:.2g})" for k in joints]
-    if each:
-        return f"{kind} of {listing(each, 12)}"
-    return ""
+    each = [f"{robot.joints[k]} {state_gain(values[k], sd[k])}" for k in joints]
+    return f"{kind} of {listing(each, 12)}" if each else ""

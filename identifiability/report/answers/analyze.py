@@ -36,6 +36,7 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.physical.cad_prior import find_rises
 from identifiability.robot import Robot
+from identifiability.robot.servo import list_gains
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import SENSOR_ERRORS
 from identifiability.workflows.provenance import given_paths
@@ -87,6 +88,13 @@ FRAME = (
 )
 
 
+def _state_gains(result: Laddered[Any]) -> str:
+    """Return the servo gains that the logs told, each with its error; empty without any."""
+    pairs = ((joint, list_gains(result.fit.servo, joint)) for joint in result.robot.joints)
+    each = [f"{joint} {', '.join(own)}" for joint, own in pairs if own]
+    return sentence("laddered.measured", "gains", each=each) if each else ""
+
+
 class LadderedPresenter(PredictingPresenter):
     """Answers about the model to use, for analyze and prune."""
 
@@ -106,7 +114,8 @@ class LadderedPresenter(PredictingPresenter):
         use = replace(warned, text=text)
         short = join_sentences(state_weight(result), use.short, _state_open(result))
         cause = _state_cause(result)
-        use = replace(use, short=short, text=cause or use.text)
+        gains = "" if result.nothing else _state_gains(result)
+        use = replace(use, short=short, text=join_sentences(cause or use.text, gains))
         more = ""
         if not result.nothing:
             more = join_sentences(_state_own_means(result), _state_left_out(result))

@@ -13,16 +13,17 @@ from identifiability.foundation.quoting import for_terminal
 from identifiability.foundation.rounding import format_number, measured
 from identifiability.physical.rules import RULES
 from identifiability.robot import Robot
-from identifiability.workflows.predict import ResultEntry
-
-#: Words of a robot file for the numbers of a joint, and their kinds of parameters.
-WORDS = {"armature": "Ia", "damping": "Fv", "frictionloss": "Fc"}
+from identifiability.robot.servo import list_gains
+from identifiability.workflows.predict import WORDS
 
 
 def describe_joints(
-    robot: Robot, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
+    robot: Robot,
+    rows: Sequence[Mapping[str, Any]],
+    values: Mapping[str, float],
+    gains: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[str, ...]:
-    """Return a line for each joint: armature, damping and friction with their reliability.
+    """Return a line for each joint: gains, armature, damping and friction with their reliability.
 
     A last line lists undetermined masses and rotors that are far from the robot file's.
 
@@ -33,10 +34,15 @@ def describe_joints(
         Parameters of a result of `analyze` or `prune`, as its JSON holds them.
     values : mapping
         Standard parameters that are written.
+    gains : mapping of str to (float, float), optional
+        Those that logs determined, by joint and kind, with their standard deviations.
     """
     if not rows:
         return ()
-    lines = [(joint, [*_describe(robot, joint, rows, values)]) for joint in robot.joints]
+    lines = [
+        (joint, [*list_gains(gains or {}, joint), *_describe(robot, joint, rows, values)])
+        for joint in robot.joints
+    ]
     each = [f"{joint}: {', '.join(parts)}" for joint, parts in lines if parts]
     far = [*_list_far(robot, rows, values)]
     if far:

@@ -484,7 +484,7 @@ def _prepare_writing(
     moved = robot if content.rollout else replace(robot, servo=None)
     reference = reference_values(robot) if loaded else {}
     head = [state_servos(robot, content)]
-    lines = describe_joints(robot, content.parameters, given)
+    lines = _describe_joints(robot, content, given)
     if lines:
         head.append(phrase("exported", "joints"))
         head.append(phrase("exported", "rotors") if content.rollout else "")
@@ -532,8 +532,16 @@ def _describe(
         unseen=unseen,
         mass=mass,
         notes=notes,
-        joints=describe_joints(robot, content.parameters, given),
+        joints=_describe_joints(robot, content, given),
     )
+
+
+def _describe_joints(
+    robot: Robot, content: ResultEntry, given: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Return a line for each joint of a result: its numbers with their reliability."""
+    gains = content.fit.servo if content.fit else {}
+    return describe_joints(robot, content.parameters, given, gains)
 
 
 def _add_snippet(robot: Robot, found: Exported) -> Exported:
@@ -817,7 +825,7 @@ def write_isaaclab(
         title=title,
         delay=late,
         joints=for_python(names),
-        joint_lines=_comment_joints(describe_joints(robot, content.parameters, given)),
+        joint_lines=_comment_joints(_describe_joints(robot, content, given)),
         rows=rows,
     )
     return write_text(out, text)
