@@ -676,6 +676,10 @@ def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, fra
     log = read(arm, frames[0])
     shares = {"link1": 0.2, "link2": 0.2}
     found = fit_rollouts(unstated, [log], shares)
+    problem, end = found.search
+    assert_allclose(problem.independent_share(end.q), 1)  # errors are those of recording
+    worse = end.q[0] + 0.001 * np.sin(9 * log.t)[:, None]
+    assert max(problem.independent_share([worse])) < 0.05  # all rows tell nearly the same
     loose = found.covariance.copy()
     assert 0.1 < np.sqrt(loose[5, 5]) < 0.2  # as bodies are
     loose[5, 5] = 1.0  # of the logarithm of the elbow's gain

@@ -280,11 +280,13 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     """Return the covariance of a vector, (p, p).
 
     Stretches of time are left out in turn [Künsch 1989]. This includes the autocorrelation of the
-    errors, and most missing effects. Prior knowledge is added.
+    errors, and most missing effects. What is missing in all stretches alike makes rows of a window
+    tell the same. Prior knowledge is added.
     """
     x, q, J, _ = end
     count = len(problem.trees) * problem.rows()[-1]
     J = np.vstack([correct_scale(problem, end, J[:count]), J[count:]])
+    J[:count] *= np.sqrt(np.tile(problem.independent_share(q), problem.rows()[-1]))[:, None]
     size = np.linalg.norm(J, axis=0)
     unit = or_one(size)
     J = J / unit

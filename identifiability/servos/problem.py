@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects.vocabulary import drop_follower_friction
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import remember
@@ -20,10 +21,10 @@ from identifiability.logs import Log, signals
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
 
-from .positions import explicable, forgotten
+from .positions import explicable, forgotten, recording_error
 from .rollouts import KINDS
 from .torque import servo_log
-from .windows import Window
+from .windows import WINDOW, Window
 
 #: Standard deviation of the logarithm of an unknown gain about its start.
 LOOSE: Tolerance = 1.0
@@ -300,6 +301,19 @@ class RolloutProblem:
         of_rows = np.repeat(1.0 / scale, np.diff(self.rows()), axis=0)
         of_prior = np.ones(len(self.prior_residual(0.0 * self.by)))
         return np.append(of_rows, of_prior)
+
+    def independent_share(self, q: list[Array]) -> Array:
+        """Return which share of the independent errors of a joint tell its gain, (n,).
+
+        Errors beyond those of recording are errors of the model. They depend on the motion, and
+        tell the same throughout a window. The share is one for a stated gain.
+        """
+        recorded = np.median([recording_error(log) for log in self.logs], axis=0)
+        least = or_one(np.maximum(self.errors(q), recorded))
+        by_model = self.varied[self.at("kp")] * (1 - (recorded / least) ** 2)
+        times = autocorrelation_time(self.differences(q))
+        longer = np.maximum(WINDOW / self.dt / times - 1, 0.0)
+        return 1 / (1 + by_model * longer)
 
     def prior_residual(self, x: Array) -> Array:
         """Return deviations of numbers from the file's and the stated ones, (b,) [σ]."""
