@@ -107,4 +107,5 @@ def _explain(row: Mapping[str, Any] | None, mixed: Sequence[str]) -> str:
     if row["used_because"]:
         return str(row["used_because"])
     low, high = (format_number(x, 2) for x in row["interval95"])
-    return phrase("exported", "unsure", verdict=row["verdict"], low=low, high=high)
+    is_open = row["verdict"] == Class.NOT_IDENTIFIABLE
+    return phrase("exported", "unsure", open=is_open, low=low, high=high)
