@@ -434,7 +434,7 @@ class Missing:
         Friction at reversals belongs to every hypothesis. It is a part of the fixed columns, with
         the variance that it has given the model.
         """
-        own = self.products(together=True)
+        own = self.products(together=True).added_up()
         p = self.fixed
         diagonal = own.between(np.arange(p), np.arange(p))
         acts = diagonal > ROUNDOFF**2 * diagonal.max(initial=0.0)  # else rounding is left of it

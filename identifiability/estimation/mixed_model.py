@@ -261,17 +261,10 @@ class Projected:
         return out
 
 
-#: Blocks of rows that are left out in turn: the others and the block of each.
-BlockFolds = Sequence[tuple[Information, Information]]
-
-
-def leave_out_each(blocks: Information) -> BlockFolds:
-    """Return each block with all others, of which only products are kept."""
+def leave_out_each(blocks: Information) -> list[Information]:
+    """Return all blocks but one, for each block in turn; only products are kept."""
     each = np.arange(len(blocks.counts))
-    pairs = ((np.delete(each, k), each[[k]]) for k in each.tolist())
-    return [
-        (blocks.take(others).added_up(), blocks.take(block).added_up()) for others, block in pairs
-    ]
+    return [blocks.take(np.delete(each, k)).added_up() for k in each]
 
 
 @frozen
@@ -318,7 +311,8 @@ class MixedModel:
         return self.solve()
 
     def _between(self, some: np.ndarray, others: np.ndarray) -> Array:
-        return self.products.between(some, others) / (self.scale[some] * self.scale[others])
+        units = self.scale[some] * self.scale[others]
+        return self.products.between(some, others) / units
 
     def solve(self, terms: Terms = ()) -> Solution:
         """Return values, their covariance and the restricted likelihood with some terms."""
@@ -329,16 +323,16 @@ class MixedModel:
     def _project(self, s: Solution, columns: np.ndarray, but: Sequence[int] = ()) -> Projected:
         """Return the parts of m columns along a solution without some of its columns."""
         parts = []
+        left_out = np.zeros(len(s.columns), bool)
+        left_out[list(but)] = True
+        products = self._between(s.columns[:, None], columns)
         for chain in s.chains:
-            own = s.columns[chain]
-            products = self.products.between(own[:, None], columns)
-            acts = np.flatnonzero((products != 0).any(0))
-            units = np.outer(self.scale[own], self.scale[columns[acts]])
+            own = products[chain]
+            acts = np.flatnonzero(own.any(0))
             root = s.root[np.ix_(chain, chain)]
-            values = root @ (products[:, acts] / units)
-            left_out = np.isin(chain, but)
-            if left_out.any():
-                basis = np.linalg.qr(root[:, left_out])[0]
+            values = root @ own[:, acts]
+            if left_out[chain].any():
+                basis = np.linalg.qr(root[:, left_out[chain]])[0]
                 values -= basis @ (basis.T @ values)
             parts.append((chain, acts, values))
         return Projected(len(columns), tuple(parts))
@@ -608,28 +602,26 @@ class MixedModel:
         each = (self.gains(terms[:k], [t.group]) for k, t in enumerate(terms))
         return sum(t.odds for (t,) in each)
 
-    def gains_on(self, terms: Terms, unseen: Information, sets: Sequence[Collection[int]]) -> Array:
-        """Return the gain of sets of terms on unseen rows, given the other terms, (sets,) [nat].
+    def news(self, terms: Terms, unseen: Information) -> list[float]:
+        """Return the gain of each term on unseen rows, given the others [nat].
 
         The density of unseen rows is ``p(unseen | fitted) = p(both) / p(fitted)``.
         """
         columns = self._columns(terms)
-        scale = self.scale[columns]
-        fitted = self._between(columns[:, None], columns)
-        target = self.target[columns]
-        both = fitted + unseen.between(columns[:, None], columns) / np.outer(scale, scale)
-        aim = target + unseen.between(columns, np.array(unseen.size)) / scale
-        owner = np.repeat(np.arange(len(terms)), [t.size for t in terms])
-        places = [self.fixed + np.flatnonzero(np.isin(owner, [*some])) for some in sets]
-        before = self._solve(terms, columns, fitted, target).evidence_of(places)
+        units = self.scale[columns]
+        both = self._between(columns[:, None], columns)
+        both += unseen.between(columns[:, None], columns) / np.outer(units, units)
+        of_torque = unseen.between(columns, np.array(unseen.size))
+        aim = self.target[columns] + of_torque / units
+        places = self._places(terms, [[k] for k in range(len(terms))])
         after = self._solve(terms, columns, both, aim).evidence_of(places)
-        gains: Array = after - before
+        gains: list[float] = (after - self.solve(terms).evidence_of(places)).tolist()
         return gains
 
-    def news(self, terms: Terms, unseen: Information) -> list[float]:
-        """Return the gain of each term on unseen rows, given the others [nat]."""
-        gains: list[float] = self.gains_on(terms, unseen, [[k] for k in range(len(terms))]).tolist()
-        return gains
+    def _places(self, terms: Terms, sets: Iterable[Collection[int]]) -> list[np.ndarray]:
+        """Return the columns of sets of some terms, in the solution of all these terms."""
+        owner = np.repeat(np.arange(len(terms)), [t.size for t in terms])
+        return [self.fixed + np.flatnonzero(np.isin(owner, [*some])) for some in sets]
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
         """Return the terms that unseen rows confirm, with their gains; the worst goes first.
@@ -648,16 +640,23 @@ class MixedModel:
             terms = without(terms, worst)
         return terms
 
-    def left_out(self, terms: Terms, folds: BlockFolds, sets: Sequence[Collection[int]]) -> Array:
+    def left_out(
+        self, terms: Terms, folds: Sequence[Information], sets: Sequence[frozenset[int]]
+    ) -> Array:
         """Return the gain of sets of terms, given the others, on blocks of rows, (sets,) [nat].
 
-        Each block is predicted from all other blocks, with all terms and without those of a set.
+        Each block is predicted from all other blocks, which are a fold, with all terms and without
+        those of a set. The rows of the model are all blocks.
         """
-        gains = np.zeros(len(sets))
-        for others, block in folds:
+        distinct = list(dict.fromkeys(sets))
+        places = self._places(terms, distinct)
+        whole = self.solve(terms).evidence_of(places)
+        gains = np.zeros(len(distinct))
+        for others in folds:
             fitted = replace(self, products=others)
-            gains += fitted.gains_on(terms, block, sets)
-        return gains
+            gains += whole - fitted.solve(terms).evidence_of(places)
+        of_set = dict(zip(distinct, gains.tolist(), strict=True))
+        return np.array([of_set[some] for some in sets])
 
     def rivals(self, terms: Terms, which: int) -> list[Term]:
         """Return the competing explanations of a term ("A or B"), the likeliest first."""

@@ -28,22 +28,14 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate
+from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
 from .evidence import LEVELS
 from .groups import NO_MISSING_EFFECTS, Excerpt, JointRows, Missing, MissingEffects, Share
-from .mixed_model import (
-    EVERYWHERE,
-    BlockFolds,
-    Group,
-    MixedModel,
-    Term,
-    Terms,
-    leave_out_each,
-    without,
-)
+from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, leave_out_each, without
 from .rules import RULES
 
 #: Places of terms by their keys, each with its gain on left-out blocks [nat].
@@ -432,7 +424,9 @@ def _block_edges(rows: Excerpt) -> list[int]:
     return edges
 
 
-def _gains_left_out(model: MixedModel, terms: Terms, folds: BlockFolds) -> tuple[Array, Array]:
+def _gains_left_out(
+    model: MixedModel, terms: Terms, folds: Sequence[Information]
+) -> tuple[Array, Array]:
     """Return the gain of each term on left-out blocks, and the gain that it needs, (t,) [nat].
 
     A law is an approximation. The likeliest term of a joint may leave an error that other terms
@@ -445,8 +439,8 @@ def _gains_left_out(model: MixedModel, terms: Terms, folds: BlockFolds) -> tuple
             laws.setdefault(term.group.place, []).append(k)
     every = range(len(terms))
     crowds = [laws.get(t.group.place, []) for t in terms]
-    singles = [[k] for k in every]
-    joint = [{k, *crowd} for k, crowd in zip(every, crowds, strict=True)]
+    singles = [frozenset([k]) for k in every]
+    joint = [frozenset([k, *crowd]) for k, crowd in zip(every, crowds, strict=True)]
     gains, together = model.left_out(terms, folds, [*singles, *joint]).reshape(2, -1)
     needed = np.full(len(terms), RULES.keep)
     for k, crowd in zip(every, crowds, strict=True):
