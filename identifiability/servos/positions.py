@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from identifiability.foundation.linalg import or_one
@@ -62,18 +60,12 @@ def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
     return rounded + noise * rng.standard_normal(q.shape)
 
 
-def explicable(logs: Sequence[Log]) -> Array:
-    """Return the explicable motion of joints in logs (rms), (logs, n) [rad or m].
+def explicable(log: Log) -> Array:
+    """Return the explicable motion of joints in a log (rms), (n,) [rad or m].
 
     It is the difference of positions and delayed commands. It is at most the motion of the joint.
     It is at least five times the noise of positions, and at least .001.
     """
-    squares = [_explicable_square(log) for log in logs]
-    return np.maximum(np.sqrt(squares), 1e-3)
-
-
-def _explicable_square(log: Log) -> Array:
-    """Return the mean square of the explicable motion in one log, (n,)."""
     most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
     target = np.zeros(log.q.shape) if log.q_ref is None else log.q_ref
     q = log.q[most:]
@@ -81,4 +73,5 @@ def _explicable_square(log: Log) -> Array:
     errors = [(q - command).var(0) for command in delayed]
     noise = 5.0 * encoder_noise(log)
     least = np.maximum(np.min(errors, axis=0), noise**2)
-    return np.minimum(least, log.q.var(0))
+    square = np.minimum(least, log.q.var(0))
+    return np.maximum(np.sqrt(square), 1e-3)

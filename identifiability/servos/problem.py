@@ -21,7 +21,7 @@ from identifiability.logs import Log, signals
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
 
-from .positions import explicable, forgotten, recording_error
+from .positions import forgotten, recording_error
 from .rollouts import KINDS
 from .torque import servo_log
 from .windows import WINDOW, Window
@@ -276,8 +276,8 @@ class RolloutProblem:
 
     def missed(self, q: list[Array]) -> Array:
         """Return errors as shares of the explicable motion, (n,): medians over windows."""
-        shares = self.window_errors(q) / explicable(self.logs)
-        return self._median(shares)
+        sizes = np.array([window.explicable for window in self.windows])
+        return self._median(self.window_errors(q) / sizes)
 
     def _median(self, values: Array) -> Array:
         """Return medians over the windows in which a joint's command moves, (n,); else zero."""

@@ -16,7 +16,7 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot, starting_speeds
 
-from .positions import encoder_noise, explicable
+from .positions import encoder_noise
 from .problem import RolloutProblem
 from .standing import find_standing
 from .windows import Window
@@ -153,7 +153,8 @@ def _errors(
     rolled = machine.roll_all(logs, numbers, [delay] * len(logs), step, sources)
     pairs = zip(rolled, logs, strict=True)
     errors = [np.sqrt(np.mean((q - log.q) ** 2, axis=0)) for q, log in pairs]
-    shares = np.nan_to_num(errors / explicable(logs), nan=1e6)
+    sizes = np.array([window.explicable for window in windows])
+    shares = np.nan_to_num(errors / sizes, nan=1e6)
     moves = np.array([window.moves for window in windows])
     weighted = np.sum(shares * moves, axis=0)
     counts = np.maximum(moves.sum(0), 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 
-from .positions import encoder_noise
+from .positions import encoder_noise, explicable
 
 #: Total length of the windows that are rolled out [s]. Longer windows add little information.
 LONG: Tolerance = 36.0
@@ -39,6 +40,11 @@ class Window:
     rows: Log
     moves: np.ndarray
     source: Log
+
+    @cached_property
+    def explicable(self) -> Array:
+        """Explicable motion of the joints (rms), (n,) [rad or m]."""
+        return explicable(self.rows)
 
     @staticmethod
     def of(k: int, log: Log, start: int, stop: int) -> Window:
