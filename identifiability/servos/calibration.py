@@ -42,7 +42,7 @@ def roll_delayed(
     ----------
     machine : CommandedRobot
     log : Log
-        With commands, in the robot's order of joints.
+        With commands, in the robot's order of joints. An unknown delay is searched near its own.
     delay : float [s], optional
         Where it is known.
 
@@ -53,7 +53,8 @@ def roll_delayed(
     nothing_varies = np.zeros((len(KINDS), len(machine.trees)), bool)
     window = Window(0, log, np.ones(len(machine.trees), bool), log)
     problem = RolloutProblem(machine, [window], nothing_varies, delay)
-    x = problem.pack(machine.numbers(), delay or 0.0)
+    begin = log.servo_delay if delay is None else delay
+    x = problem.pack(machine.numbers(), begin or 0.0)
     if delay is None:
         end = descend(problem, x)
         return float(end.x[-1]), end.q[0]

@@ -111,7 +111,7 @@ def follow_commands(
     servo = replace(servo, slide=slide)
     robot = replace(robot, servo=servo)
     structure = replace(structure, robot=robot)
-    say("checking each joint", 0.45)
+    say("checking each joint", 0.35)
     moved, irregular, found = locate_commands(structure, logs, found, how, rng.spawn(1)[0])
     if servo.rolled and irregular:
         robot = replace(robot, servo=with_numbers(servo, found))
@@ -242,7 +242,10 @@ def _calibrate(
         selected = log.select(structure.robot.joints)
         return calibrate_torque(structure, selected, delay, found.parameters, band, rng)
 
+    usual = float(found.delays.mean())
+
     def judged(log: Log) -> Log:
+        log = replace(log, servo_delay=usual)
         band = fit_band(structure.robot, log, how) or how
         if shares:
             selected = log.select(structure.robot.joints)

@@ -313,25 +313,28 @@ def _fit_case(
     source = case.ladder(ladder, beside=True)
     # A model that was given is taken as it is.
     complete = ladder is None and case.model is None
-    kind = settings["estimator"]
     stages = run
-    searching = 0.75
+    # Shares at which effects are looked for, parameters judged and numbers profiled.
+    shares = 0.75, 0.8, 0.9
     # The torque of servos takes more than half of the time; it is computed before the other stages.
     # Most of the rest is the search for missing effects.
     if case.recordings(run).commanded:
         case.torque(case.first_structure(run, ladder), run)
-        searching = 0.65
-        stages = run.after(SERVOS, searching)
-    rows, submodels = prepare_ladder(case, source, stages, method, kind, complete)
+        shares = 0.65, 0.9, 0.95
+        stages = run.after(SERVOS, shares[0])
+    estimator = settings["estimator"]
+    rows, submodels = prepare_ladder(case, source, stages, method, estimator, complete)
     check_numbers(rows.data.structure, profiled)
     fitted = case.stages.once(compute_ladder, rows, submodels, settings["cad_prior"], run=stages)
     rng = np.random.default_rng(settings["seed"]).spawn(2)[1]
-    run.say("looking for missing effects", searching)
-    found = conclude_analysis(fitted, rng, settings, rows.missing)
+    run.say("looking for missing effects", shares[0])
+    missing = rows.missing
+    run.say("judging parameters", shares[1])
+    found = conclude_analysis(fitted, rng, settings, missing)
     chosen = found.chosen
     loads = report_loads(rows.data, submodels[0], chosen.error_ra, chosen.used[1])
     found = replace(found, source=source, hints=(*loads, *found.hints))
-    run.say("profiling", 0.9)
+    run.say("profiling", shares[2])
     return replace(found, profiles=profile_numbers(found, profiled))
 
 
