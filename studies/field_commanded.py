@@ -27,8 +27,10 @@ import pandas as pd
 import servo_robots as servos
 
 from identifiability import Analysis, Log, Robot, analyze, predict
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.names import Array
 from identifiability.logs.conventions import Conventions
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot.servo import Servo
 from identifiability.servos import forgotten, roll_delayed
 from identifiability.simulation.rollout import CommandedRobot
@@ -210,9 +212,29 @@ class CommandedHand:
         own = Servo(kp, kv, np.full(len(kp), -np.inf), np.full(len(kp), np.inf), rate=rate)
         row |= {"robot": f"hand, {self.kind}", **_examine_truth(a, truth, own, frames[-1], path)}
         f = a.to_frame()
-        friction = f[f.name.str.fullmatch(r"f\d_\w+\.F[cv]")]
-        row["friction"] = float((friction.verdict == "identifiable").mean())
+        best = pd.Series(self._bound_friction(hand))
+        friction = f.set_index("name").verdict[
+            best.index[best <= 0.01 * Thresholds().sigma_percent]
+        ]
+        row["friction"] = float((friction == "identifiable").mean())
         return row | {"said": "\n".join((a.statement, *row["missed"]))}
+
+    def _bound_friction(self, hand: hands.Hand) -> dict[str, float]:
+        """Return the least relative standard errors of friction, by name [Cramér–Rao].
+
+        Logs without noise determine friction beside known gains. Without gains they determine each
+        body of a finger over its gains. Each body is the file's within a share, so the common scale
+        of the finger is known within this share over the root of the number of its bodies. All
+        gains of a finger have this error. Positions determine Fc / kp and (Fv + kv) / kp, and kv is
+        known: the error of Fv is that of the gain, times 1 + kv / Fv.
+        """
+        errors = {}
+        for servo in hand.servos:
+            finger = next(x for x in hand.fingers if x[0][:2] == servo.name[:2])
+            scale = PHYSICAL_RULES.body_within / np.sqrt(len(finger)) * self.fitted
+            errors[f"{servo.name}.Fc"] = scale
+            errors[f"{servo.name}.Fv"] = scale * (1.0 + servo.kv / servo.numbers["Fv"])
+        return errors
 
 
 def _analyze(robot: Robot, logs: Any, path: Path, pattern: str) -> tuple[Analysis, dict[str, Any]]:

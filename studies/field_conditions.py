@@ -99,7 +99,8 @@ REQUIRED = {
 }
 #: The same under commands, unless it is another one.
 OF_ERRORS = (1.05, 1.3)
-#: Least coverage of labels, and least share of the friction of hands that is identifiable.
+#: Least coverage of labels, and least identifiable share of the friction of hands that perfect logs
+#: determine. Without gains that is dry friction alone (`CommandedHand`).
 LEAST = {"coverage": 0.93, "friction": 0.8}
 
 
