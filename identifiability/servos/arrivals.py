@@ -86,7 +86,7 @@ def _agree_on_arrivals(log: Log, servo: Servo, recording: Recording, how: Prepar
     joints = np.flatnonzero(recording.moves.any(0) & jumps.any(0))
     if len(joints) < 2:
         return False
-    noise = _noise(recording)
+    noise = usual_residual(recording)
     before = 0.0
     after = 0.0
     for turn in range(2):
@@ -172,7 +172,7 @@ def _regress_arrivals(
     width = len(starts) + of_model.shape[2]
     precision = scipy.sparse.csr_array((width, width))
     product = np.zeros(width)
-    for joint, scale in enumerate(_noise(recording).tolist()):
+    for joint, scale in enumerate(usual_residual(recording).tolist()):
         weight = scipy.sparse.diags_array(recording.moves[:, joint] / scale)
         of_commands = pulses @ scipy.sparse.diags_array(jumps[:, joint])
         both = scipy.sparse.hstack([of_commands, of_model[:, joint]])
@@ -240,8 +240,8 @@ def leave_out_irregular(
     difference = late.tau - servo_log(log, servo, delay).tau
     prepared = prepare_log(robot, replace(log, tau=difference, unmeasured=None), how)
     rows = recording.rows
-    column = prepared.tau * recording.moves / _noise(recording)
-    residual = recording.residual / _noise(recording)
+    column = prepared.tau * recording.moves / usual_residual(recording)
+    residual = recording.residual / usual_residual(recording)
     acting = np.searchsorted(log.commands_since[starts], log.t[rows] - delay, side="right") - 1
     acting = np.maximum(acting, 0)
     size = np.bincount(acting, np.sum(column**2, axis=1), len(starts))
@@ -260,7 +260,7 @@ def leave_out_irregular(
     return leave_out(log, lost, recording), share
 
 
-def _noise(recording: Recording) -> Array:
+def usual_residual(recording: Recording) -> Array:
     """Return the usual size of the residual of each joint, (n,)."""
     sizes = np.where(recording.moves, np.abs(recording.residual), np.nan)
     moving = recording.moves.any(0)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -71,8 +72,8 @@ def fit_rollouts(
     start = problem.pack(numbers, delay or 0.0)
     problem.windows = thinned
     problem.varied[problem.bodies] = False
-    begun = share_turns(say, 0.05, 0.2)
-    last = share_turns(say, 0.2, 0.45)
+    begun = share_turns(say, 0.05, 0.15)
+    last = share_turns(say, 0.15, 0.35)
     end = descend(problem, start, BEGUN, begun)
     lost = problem.missed(end.q) > RULES.rollout_contradicted
     if lost.any():
@@ -81,6 +82,8 @@ def fit_rollouts(
         new = problem.missed(again.q)[lost].sum()
         old = problem.missed(end.q)[lost].sum()
         end = again if new < old else end
+    if are_contradicted(problem.missed(end.q)):
+        end = free_gain(problem, end)
     end = leave_bounds(problem, end)
     if first is not None and len(windows) > len(logs):
         first(answer_first(robot, logs, problem, end))
@@ -119,6 +122,37 @@ def _follow_versions(found: Rollouts, logs: Sequence[Log]) -> RolloutProblem:
     problem = copy(found.search[0])
     problem.windows = [window.along(logs[window.log]) for window in problem.windows]
     return problem
+
+
+def free_gain(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
+    """Return where a search ends if one stated gain is free with which all joints are followed.
+
+    A single wrong gain also disturbs the joints that are coupled to its own. The gain is varied
+    from then on.
+
+    Parameters
+    ----------
+    problem : RolloutProblem
+    end : SearchEnd
+        Of a search in which most joints do not follow their commands.
+    """
+    before = problem.missed(end.q)
+    lost = before > RULES.rollout_contradicted
+    gains = problem.at("kp")
+    tried = []
+    for gain in gains[lost & ~problem.varied[gains]]:
+        problem.varied[gain] = True
+        freed = descend(problem, restart_joints(problem, end.x, lost), BEGUN)
+        problem.varied[gain] = False
+        missed = problem.missed(freed.q)
+        if missed.max() <= RULES.rollout_contradicted:
+            tried.append((missed.sum(), gain, freed))
+    if not tried:
+        return end
+    after, gain, freed = min(tried, key=itemgetter(0))
+    problem.varied[gain] = True
+    problem.freed = {int(gain): float(after / before.sum()) ** 2}
+    return freed
 
 
 def leave_bounds(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:

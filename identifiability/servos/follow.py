@@ -32,7 +32,7 @@ from .arrivals import leave_out_irregular, move_commands
 from .calibration import calibrate_torque, prepare_recording
 from .fit import approach_rollouts, divide_gains, fit_rollouts, refit_rollouts
 from .gains import file_shares, with_numbers
-from .odd_joints import find_odd_joints
+from .odd_joints import find_odd_joints, state_held_out_limits
 from .rollouts import Rollouts, are_contradicted
 from .standing import state_standing
 from .torque import replace_servo
@@ -271,16 +271,32 @@ def _calibrate(
         {k: replace_servo(log, servo, rival) for k, log in own.items()} for rival in servos.rivals
     ]
     hints = (_state_calibrated(servos, list(own.values())), *servos.findings, *irregular)
-    every = (*hints, *recordings.hints)
+    every = (*hints, *_state_limits(structure, held_out, [*own.values()], found, how))
     rolled = replace(found, search=())
     return replace(
         recordings,
         fitted=tuple(own.get(k, log) for k, log in enumerate(recordings.fitted)),
         held_out=tuple(held_out),
-        hints=every,
+        hints=(*every, *recordings.hints),
         later=tuple(later),
         rolled=rolled,
     )
+
+
+def _state_limits(
+    structure: Structure,
+    held_out: Sequence[Log],
+    fitted: Sequence[Log],
+    found: Rollouts,
+    how: Preparation,
+) -> list[Finding]:
+    """Return limits of torque that only held-out logs with commands reach."""
+    limits = []
+    for log in filter(of_commands, held_out):
+        band = fit_band(structure.robot, log, how) or how
+        recording = prepare_recording(structure, log, found.parameters, band)
+        limits += state_held_out_limits(structure.robot, log, recording, fitted)
+    return limits
 
 
 def _state_calibrated(servos: IdentifiedServos, logs: Sequence[Log]) -> Finding:

@@ -12,10 +12,12 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log
 from identifiability.logs.commands import are_positions_alone
 from identifiability.robot import Robot
 
-from .arrivals import CLEAR
+from .arrivals import CLEAR, usual_residual
+from .calibration import Recording
 from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend
 from .positions import recording_error
 from .problem import PLAY, RolloutProblem
@@ -86,16 +88,23 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
     recording = np.max([recording_error(log) for log in problem.logs], axis=0)
     erring = np.unique(problem.trees[_exceed(found.errors, recording)])
     screening = _screen(problem, end, found, recording, gains_alone=not len(erring))
-    explained = list[list[Explanation]]()
+    explained = _list_freed(problem, end)
     for tree in np.unique(problem.trees):
         explain = _explain_tree if tree in erring else _explain_little
         for best in explain(problem, end, tree, screening, found.errors):
             explained.append(best)
             if _kind(problem, best[0].numbers) != "play":
                 end = best[0].end
-    better = found if end is found.search[1] else conclude(problem, end)
+    is_same = end is found.search[1] and not problem.freed
+    better = found if is_same else conclude(problem, end)
     findings = [_state_odd(robot, better, best) for best in explained]
     return findings, better, any(len(best) > 1 for best in explained)
+
+
+def _list_freed(problem: RolloutProblem, end: SearchEnd) -> list[list[Explanation]]:
+    """Return the stated gains without which most joints did not follow, each by itself."""
+    shares = problem.freed.items()
+    return [[Explanation(share, np.array([gain]), end)] for gain, share in shares]
 
 
 def _exceed(errors: Array, recording: Array) -> np.ndarray:
@@ -263,8 +272,9 @@ def _explain_little(
     gain = screening.gain[at] * joints
     likeliest = int(np.argmax(gain))
     others = np.delete(gain, likeliest)
-    if gain[likeliest] <= max(CLEAR**2, 2.0 * others.max(initial=0.0)):
+    if gain[likeliest] <= max(BEGUN, 2.0 * others.max(initial=0.0)):
         return
+    # To first order a gain that is far off explains less than its fit.
     fitted = _fit_numbers(problem, end.x, at[[likeliest]], ENOUGH)
     weights = problem.weights(end.q)
     before = weights * problem.residual(end.q, end.x)
@@ -274,6 +284,61 @@ def _explain_little(
     ratio = np.linalg.norm(problem.errors(fitted.q)[joints]) / np.linalg.norm(errors[joints])
     problem.varied[at[likeliest]] = True
     yield [Explanation(float(ratio**2), at[[likeliest]], fitted)]
+
+
+def state_held_out_limits(
+    robot: Robot, log: Log, recording: Recording, fitted: Sequence[Log]
+) -> Iterator[Finding]:
+    """Yield limits of torque that a held-out log reaches and no fitted log does, by joint.
+
+    A servo at its limit gives less torque than its law asks for. The torque of the model then stays
+    at the limit, above all torque of the fitted logs. A contact would leave less torque than that.
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+        Held out, with calibrated torque of commands.
+    recording : Recording
+        The log as it is prepared.
+    fitted : sequence of Log
+        With calibrated torque of commands.
+    """
+    highest = np.max([np.abs(x.tau).max(0) for x in fitted], axis=0)
+    noise = usual_residual(recording)
+    for j, joint in enumerate(robot.joints):
+        used = recording.moves[:, j]
+        torque = log.tau[recording.rows[used], j]
+        asked = np.abs(torque)
+        lacking = recording.residual[used, j] * np.sign(torque)
+        limit = _find_limit(asked, asked - lacking, highest[j], CLEAR * noise[j])
+        if limit > highest[j]:
+            most = {"limit": limit, "asked": asked.max(), "unit": robot.torque_units[j]}
+            yield Finding("held_out_limit", log=log.name, joint=joint, **most)
+
+
+def _find_limit(asked: Array, given: Array, least: float, clear: float) -> float:
+    """Return the limit of a servo above some torque; zero if it has none.
+
+    Parameters
+    ----------
+    asked, given : (N,)
+        Torque by its law, and by the model in the same direction.
+    least, clear : float
+        Torque that it surely gives, and a clear difference of the two.
+    """
+    limit = least
+    # Torque that is hardly above the least one may be below the limit.
+    for _ in range(3):
+        above = asked > limit
+        if not above.any():
+            return 0.0
+        limit = np.median(given[above])
+    if np.median(asked[above] - given[above]) < clear:
+        return 0.0
+    rest = given - np.minimum(asked, limit)
+    explains = np.sum(rest**2) < 0.5 * np.sum((asked - given) ** 2)
+    return float(limit) * explains
 
 
 def _finish_search(problem: RolloutProblem, found: Explanation) -> Explanation:

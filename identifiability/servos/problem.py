@@ -92,6 +92,8 @@ class RolloutProblem:
         #: Numbers that are varied, (p,) bool.
         self.varied = np.concatenate([free.ravel(), varied_sizes, varied_delays])
         steps = [*list_steps(machine, self.logs), np.full(len(self.shares), VARIED)]
+        #: Share of the squared errors that a stated gain leaves once it is free, by its number.
+        self.freed = dict[int, float]()
         #: Differences by which each number is varied, (p,).
         self.by = np.concatenate([*steps, np.full(count, LATER * self.dt)])
 

@@ -59,10 +59,7 @@ class Rollouts:
 def are_contradicted(missed: Array) -> bool:
     """Whether missed shares (n,) say that the gains are wrong.
 
-    Where most joints are followed, an error of another joint says nothing about these. Of an even
-    number, the geometric mean of the middle two counts, so that no error outweighs a joint that is
-    followed well.
+    Where half of the joints are followed, errors of the others say nothing about these.
     """
-    ordered = np.sort(missed)
-    middle = ordered[(len(missed) - 1) // 2] * ordered[len(missed) // 2]
-    return bool(middle > RULES.rollout_contradicted**2)
+    middle = np.sort(missed)[(len(missed) - 1) // 2]
+    return bool(middle > RULES.rollout_contradicted)
