@@ -484,7 +484,7 @@ def draw_curve(
     labels : (str, str)
         Of the axes.
     """
-    figure, (axes,) = canvas(WIDTH, 210, (60, 10, 42, 36))
+    figure, (axes,) = canvas(WIDTH, 176, (60, 10, 42, 36))
     rows = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int))
     points = np.stack([x, data], 1)[rows]
     # Strokes without length are a tenth of the size of markers.
@@ -659,7 +659,7 @@ def draw_ladder(
     likely : (int, int), optional
         Least and largest size that is as good.
     """
-    figure, (axes,) = canvas(WIDTH, 250, (44, 8, 26, 40))
+    figure, (axes,) = canvas(WIDTH, 220, (44, 8, 26, 40))
     other, unseen, spread = (
         100 * np.where(np.isfinite(x), x, np.nan) for x in (other, unseen, spread)
     )

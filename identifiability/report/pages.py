@@ -81,7 +81,7 @@ def calibration_heading(calibration: Calibration) -> tuple[str, str]:
 
 def calibration_below(calibration: Calibration) -> Picture:
     """Return the coverage of the parameters whose intervals hold the truth least often."""
-    frame = calibration.to_frame()[:SHOWN_FIRST]
+    frame = calibration.to_frame()[:SHOWN]
     share, low, high = 100 * frame[["value", "low", "high"]].to_numpy(float).T
     reach = np.maximum([share - low, high - share], 0.0)
     label = "intervals that hold the truth [%]"
@@ -364,17 +364,11 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
 # Excitation: the motion to measure, and its information.
 
 
-TITLES = {
-    "information": "A motion that says much about the parameters",
-    "separate": "A motion that separates two effects",
-    "discriminate": "A motion that tells effects of known size apart",
-}
-
-
 def excitation_heading(result: Excitation) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
     return "Excitation report", (
-        f"{TITLES[result.criterion.name]} · {format_number(result.trajectory.period)} s, "
+        f"{sentence('excitation.title', result.criterion.name)} · "
+        f"{format_number(result.trajectory.period)} s, "
         f"{format_count(result.trajectory.samples, 'sample')}"
     )
 
@@ -676,11 +670,15 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         pairs = map(" ".join, zip(names, sizes, strict=True))
         return " · ".join(pair.replace(" ", "\xa0") for pair in pairs)
 
-    poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
+    times = _magnify(result)
+    scale = np.where(np.arange(len(log)) < start, 1.0, times)[:, None]
+    drawn = {name: (tone, log.q + scale * (q - log.q)) for name, (tone, q) in motions.items()}
+    poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in drawn.items()}
+    larger = sentence("rollout.motion", "times", times=times) if times > 1 else ""
     worst = find_worst(result)
     joint = log.joints[worst]
     driven = "commands" if has_commands(log) else "torque"
-    caption = sentence("rollout.motion", driven, log=log.name, joint=joint)
+    caption = sentence("rollout.motion", driven, log=log.name, times=larger)
     moving = move_skeletons(robot, log.t, poses, lambda rows: [[*map(tell, rows)]], caption)
     if moving is None:
         return None
@@ -689,6 +687,19 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
     times = log.t[start:] - log.t[0]
     below = Trace.of(for_svg(joint), result.unit, times, off, POINTS, "position error")
     return replace(moving, torque=below)
+
+
+def _magnify(result: PositionPrediction) -> float:
+    """Return the power of ten by which differences stay smaller than the motion, at least 1.
+
+    Loops would not close with larger differences.
+    """
+    log = result.logs[0]
+    motion = np.std(log.q[:, result.alike], axis=0)
+    largest = np.sqrt(np.mean(motion**2)) / result.totals.max()
+    if result.robot.closed or not largest > 1:
+        return 1.0
+    return float(10.0 ** np.floor(np.log10(largest)))
 
 
 def _positions(result: PositionPrediction) -> Section:

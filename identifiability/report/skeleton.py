@@ -13,7 +13,6 @@ from scipy.spatial import ConvexHull
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import for_svg
-from identifiability.foundation.rounding import NONE
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import WORLD, Joint, Point, shortest_turn
 
@@ -64,11 +63,22 @@ class _Parts:
         tree = self.tree
         arms = [np.linalg.norm(j.translation) for j in tree.joints if j.parent != WORLD]
         starts = [x[0] for x in self.points]
-        size = float(np.ptp(starts, axis=0).max())
+        # Joints that all lie in one point have bodies that reach from there.
+        size = float(np.ptp(starts, axis=0).max() or np.max([*map(self.reach, self.robot.bodies)]))
         lengths = [x for x in arms if x > 0.05 * size]
         usual = float(np.median(lengths)) if lengths else size
         # In proportion to the distances between joints, and to the whole robot.
         return min(max(0.3 * usual, 0.02 * size), 0.07 * size)
+
+    def centre(self, body: str) -> Array:
+        """Return the centre of mass of a body by the file, (3,) [m]; its origin without mass."""
+        values = [self.robot.nominal.get(f"{body}.{kind}", 0.0) for kind in ("m", "mx", "my", "mz")]
+        mass, *first = values
+        return np.array(first) / (mass if mass > 0 else np.inf)
+
+    def reach(self, body: str) -> float:
+        """Return the length of a body that carries nothing: beyond its centre of mass [m]."""
+        return float(1.6 * np.linalg.norm(self.centre(body)))
 
     def meeting_axes(self, k: int) -> list[int]:
         """Return the revolute joints whose axes meet in the origin of joint k."""
@@ -135,12 +145,9 @@ def _trace(robot: Robot, poses: Array, load: Point | None) -> _Parts:
 
 def _tip(parts: _Parts, body: str, joint: int) -> list[int]:
     """Return the end of a body that carries nothing: beyond its centre of mass, if it has one."""
-    known = parts.robot.nominal
-    mass = known.get(f"{body}.m", 0.0)
-    if mass <= 0:
+    if parts.robot.nominal.get(f"{body}.m", 0.0) <= 0:
         return []
-    first = np.array([known.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
-    parts.tips.append(parts.add_point(joint, 1.6 * first / mass))
+    parts.tips.append(parts.add_point(joint, 1.6 * parts.centre(body)))
     return [parts.tips[-1]]
 
 
@@ -299,12 +306,8 @@ def move_with_torque(
     k = robot.joints.index(name)
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     how = how or ("loaded" if residual is None else "missed")
-    word = how if how in WORDS["moving.now"] else "missed"
-    sizes = (torque if residual is None else residual)[:, k]
-    sizes = sizes if word in ("changed", "hangs") else np.abs(sizes)
     unit = robot.torque_units[k]
-    texts = (f"{x:.2g}\N{NO-BREAK SPACE}{unit}".replace("-", "−") for x in sizes)
-    missed = [NONE if "nan" in x else sentence("moving.now", word, size=x) for x in texts]
+    missed = _state_sizes((torque if residual is None else residual)[:, k], how, unit)
     own = {what: y[:end, k] for what, y in lines.items()}
     caption = sentence("moving", how, log=log, joint=name)
     if any(np.isnan(y).any() for y in own.values()):
@@ -314,10 +317,8 @@ def move_with_torque(
     moving = move_skeletons(robot, t[:end], poses, told, caption, load)
     if moving is None:
         return None
-    of = {"load": "load torque", "hangs": "torque change", "changed": "torque change"}
-    of |= {"same": "residual torque", "explained": "residual"}
-    times = t[:end] - t[0]
-    trace = Trace.of(for_svg(name), unit, times, own, POINTS, of.get(how, "torque"))
+    quantity = WORDS["moving.quantity"].get(how, "torque")
+    trace = Trace.of(for_svg(name), unit, t[:end] - t[0], own, POINTS, quantity)
     # Times of the log, as in the plots below.
     moving = replace(moving, torque=trace, t=moving.t + t[0])
     if load is not None:  # as large in all frames
@@ -331,6 +332,15 @@ def move_with_torque(
     shown = _frames(t[:end])
     misses[:, [owners[j] for j in robot.joints]] = share[shown]
     return replace(moving, misses=misses)
+
+
+def _state_sizes(x: Array, how: str, unit: str) -> list[str]:
+    """Return torque (N,) in words at each time; a change of torque has a sign."""
+    about = "moving.now"
+    word = how if how in WORDS[about] else "missed"
+    sizes = x if word in ("changed", "hangs") else np.abs(x)
+    texts = (f"{size:.2g}\N{NO-BREAK SPACE}{unit}".replace("-", "−") for size in sizes)
+    return [sentence(about, "none" if "nan" in text else word, size=text) for text in texts]
 
 
 def _directions(robot: Robot) -> Array:

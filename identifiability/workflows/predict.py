@@ -39,6 +39,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import has_motors, joint_log
+from identifiability.logs.spectrum import noise_level
 from identifiability.logs.tables import write_table
 from identifiability.physical.cad_prior import find_rises
 from identifiability.physical.fitted_model import LeastSquares
@@ -1215,6 +1216,18 @@ class PositionPrediction(Result):
         if not apart:
             return np.full(len(self.robot.joints), np.nan)
         return np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0))
+
+    @property
+    def noise(self) -> Array:
+        """Noise of the recorded positions in the first log (rms), (n,) [rad or m].
+
+        Fast motion is no noise: differences from the simulated positions have less of it.
+        """
+        log = self.logs[0]
+        off = (log.q - run.q[0] for run in self.runs)
+        each = [noise_level(x, log.t) for x in (log.q, *off)]
+        found: Array = np.nanmin(each, axis=0)
+        return found
 
     @property
     def follows(self) -> bool:

@@ -24,6 +24,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     LEVEL,
@@ -50,6 +51,7 @@ from .common import (
     Command,
     PredictingPresenter,
     advise_motion,
+    after_colon,
     after_mass,
     answer,
     answer_trust,
@@ -158,10 +160,14 @@ class LadderedPresenter(PredictingPresenter):
         elif verb == "analyze" and _has_unknown(result.chosen):
             line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
             begun = commands.name_logs(result.robot, names, "--start-from", how)
-            more = f"excite {self.robot} {begun} --out next.json"
             # Another motion separates values from offsets, a smaller model does not.
-            apart = -1 if of_key(result.hints, "excluded_offsets") else 1
-            out = [command("prune", line), command("measure", more)][::apart]
+            offsets = [v.name for v, _ in result.chosen.without_offsets]
+            apart = _separate_offsets(result, offsets) if offsets else ""
+            more = f"excite {self.robot} {begun}{apart} --out next.json"
+            measure = command("offsets" if offsets else "measure", more)
+            # Of a motion that is not rich enough a smaller model hides that.
+            poor = len(result.full.estimate.kept) < result.base.rank
+            out = [command("prune", line), measure][:: -1 if offsets or poor else 1]
         if result.recordings.commanded or not find_rises(result.real_robot, "mjcf"):
             export = partial(commands.export_line, result.robot)
             line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
@@ -421,7 +427,7 @@ def _state_known(robot: Robot, chosen: ModelResult) -> str:
     count = sum(word == "masses" and sure for word, sure in zip(words, known, strict=True))
     if count:
         told.append(sentence(about, "masses", count=count))
-    return sentence(about, "known", each=told) if told and not chosen.unjudged else ""
+    return sentence(about, "known", each="; ".join(told)) if told and not chosen.unjudged else ""
 
 
 def _state_own_means(result: Laddered[Any]) -> str:
@@ -493,9 +499,12 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     usual = answer_trust(notes, doubt, missing, result.warnings, _state_in_doubt(result))
     if doubt or not odd:
         return usual
-    others = () if usual.tone == "green" else (usual.short, usual.text)
+    # One answer says once that care is needed.
+    second = capital(usual.short.removeprefix(sentence("trust", "care", grave="").rstrip(".")))
+    others = () if usual.tone == "green" else (second, usual.text)
     text = join_sentences(_state_measurement(result), *others)
-    return replace(usual, short=odd[0], text=text, tone="amber")
+    care = sentence("trust", "care", grave=after_colon(odd[0]))
+    return replace(usual, short=care, text=text, tone="amber")
 
 
 def _list_odd(result: Laddered[Any]) -> list[str]:
@@ -623,6 +632,13 @@ def state_weight(result: Laddered[Any]) -> str:
 # What to do next.
 
 
+def _separate_offsets(result: Laddered[Any], names: Sequence[str]) -> str:
+    """Return the options of a motion that tells parameters from torque offsets."""
+    effects = ",".join(dict.fromkeys((*result.effects, "torque_offset")))
+    asked = [option_for_shell("--parameter", name) for name in names if name in result.base.names]
+    return " ".join(["", option_for_shell("--model", effects), *asked])
+
+
 def _has_doubted(chosen: ModelResult) -> bool:
     """Return whether an effect that may be missing puts a value in doubt."""
     return any(Flag.IN_DOUBT in v.flags for v in chosen.verdicts)
@@ -651,7 +667,8 @@ def _order_commands(
     missing = find_command(result.missing.functions, find)
     good = TONES[grade_of(result.chosen.error_ra_validation)] == "green"
     first = result.missing.functions or result.chosen.contradicted or not good
-    first = first or (_has_doubted(result.chosen) and not _has_unknown(result.chosen))
+    # Where values depend on offsets, another motion comes first.
+    first = first or (_has_doubted(result.chosen) and not of_key(result.hints, "excluded_offsets"))
     # A ladder may come from a diagnosis, which proposes to compare.
     if not ladder:
         lines = [missing, *lines] if first else [*lines, missing]

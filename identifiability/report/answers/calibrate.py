@@ -107,7 +107,7 @@ def _answer_trust(result: Calibration) -> Answer:
     elif result.word == "no" and not cell.below:
         part = "few"
     coverage = f"{100 * cell.coverage:.1f} ± {100 * cell.coverage_se:.1f} %"
-    text = sentence(about, "coverage", trials=len(cell.held), model=result.model, coverage=coverage)
+    text = sentence(about, "trials", trials=len(cell.held), model=result.model)
     return answer(about, part, text, coverage=coverage, below=list(cell.below))
 
 

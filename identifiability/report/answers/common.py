@@ -74,9 +74,10 @@ def first_sentence(*texts: str) -> str:
 
 
 def after_colon(text: str) -> str:
-    """Return a text as it stands after a colon, without its final stop."""
-    text = text.rstrip(".")
-    return f"the {text[4:]}" if text.startswith("The ") else text
+    """Return a text as it stands after a colon, without its final stop; names keep their case."""
+    first = text.partition(" ")[0]
+    plain = first.isalpha() and first[1:] == first[1:].lower()
+    return (text[:1].lower() + text[1:] if plain else text).rstrip(".")
 
 
 def sentence(name: str, what: str = "text", /, **holes: Any) -> str:
@@ -325,9 +326,12 @@ class PredictingPresenter(AnsweringPresenter):
         filtered = np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6)
         noisier = sentence("quality", "raw", raw=raw) if filtered else ""
         about = sentence("laddered.measured", "about")
-        more = join_sentences(about, noisier, self.state_uses(), more)
+        uses = self.state_uses()
+        grave = uses if self.list_useless() else ""  # a reader must not miss it
+        more = join_sentences(about, noisier, "" if grave else uses, more)
         if noisy:
             text, more = sentence("quality", "quieter"), join_sentences(text, more)
+        text = join_sentences(grave, text)
         holes: dict[str, Any] = {"error": error, "worst": worst}
         found = answer("quality", part, text, tone, question=question, **holes)
         return replace(found, short=join_sentences(found.short, noisy), more=more)
@@ -335,14 +339,18 @@ class PredictingPresenter(AnsweringPresenter):
     def state_uses(self) -> str:
         """Return the tasks that the error of every joint is small enough for."""
         grade = self.grade_uses()
-        error, each, _ = self.errors()
-        useless = each > RULES.grades[-1]
-        names = np.array(self.result.robot.joints)[useless].tolist()
-        some = len(names) and error <= RULES.grades[-1]
+        names = self.list_useless()
+        some = names and self.errors()[0] <= RULES.grades[-1]
         uses = sentence("decision.uses", "but" if some else grade, names=names)
         if TONES[grade] != "vermilion" and self.reserved():
             uses = sentence("quality", "reserved", uses=uses)
         return capital(uses)
+
+    def list_useless(self) -> list[str]:
+        """Return the joints whose torque a constant predicts as well."""
+        useless = self.errors()[1] > RULES.grades[-1]
+        names: list[str] = np.array(self.result.robot.joints)[useless].tolist()
+        return names
 
     def state_limit(self) -> str:
         """Return the error up to which a model is usually enough for these tasks."""
@@ -487,26 +495,31 @@ def answer_trust(
     """
     if doubt:
         return answer("trust", "no", doubt=doubt)
-    graver = [n.title.rstrip(".") for n in notes if n.level == "warning"]
-    usual = WORDS["note.hint"]["title"].rstrip(".")
-    checks = [n.text for n in notes if n.level == "warning" and n.title.rstrip(".") == usual]
-    titles = [f"“{title}”" for title in dict.fromkeys(graver) if title != usual]
+    usual = WORDS["note.hint"]["title"]
+    grave = [n for n in notes if n.level == "warning"]
+    checks = [n.text for n in grave if n.title == usual]
+    others = [n for n in grave if n.title != usual]
+    titles = list(dict.fromkeys(after_colon(n.title) for n in others))
     if warnings:
         titles.insert(0, sentence("trust", "warnings" if len(warnings) > 1 else "one_warning"))
+    doubted = sentence("trust", "in_doubt", what=in_doubt) if in_doubt else ""
     if missing:
         # The only check stands here alone, so that no note repeats it.
-        told = [f"{capital(in_doubt)}." if in_doubt else "", *checks * (len(checks) == 1)]
+        told = [doubted, *checks * (len(checks) == 1)]
         also = sentence("trust", "read", told="; ".join(titles)) if titles else ""
         return answer("trust", "if_nothing", join_sentences(*told, also), missing=missing)
     # What leads is told in full; a note below the answers has all of the other checks.
+    lead = "" if warnings or not others else others[0].text
     head = after_colon(checks[0]) if checks and not titles else _head_check(checks)
-    titles += filter(None, [head, in_doubt])
+    titles += filter(None, [head])
     if len(checks) > 1:
         titles.append(sentence("trust", "checks", count=checks[1:]))
-    if not titles:
+    if not titles and not in_doubt:
         return answer("trust", "yes", sentence("trust", "nothing"))
-    others = f"{capital('; '.join(titles[1:]))}." if titles[1:] else ""
-    return answer("trust", "care", others, grave=titles[0])
+    if not titles:
+        titles, doubted = [sentence("trust", "leaves", what=in_doubt)], ""
+    second = f"{capital('; '.join(titles[1:]))}." if titles[1:] else ""
+    return answer("trust", "care", join_sentences(lead, second, doubted), grave=titles[0])
 
 
 def _head_check(checks: Sequence[str]) -> str:

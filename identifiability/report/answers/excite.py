@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,12 +14,12 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import format_number
+from identifiability.foundation.rounding import format_number, percent_text
 from identifiability.workflows.excite.criteria import LogDet
 from identifiability.workflows.excite.limits import BEYOND
 
 from .commands import name_logs
-from .common import AnsweringPresenter, Command, answer, command, sentence
+from .common import AnsweringPresenter, Command, answer, command, join_sentences, sentence
 from .tables import make_table
 
 if TYPE_CHECKING:
@@ -92,9 +93,7 @@ class ExcitationPresenter(AnsweringPresenter):
         parts += _state_torque(result)
         if np.isfinite(result.gap):
             parts.append(sentence(about, "gap", gap=1000 * result.gap))
-        if limits.assumed:
-            parts.append(sentence(about, "assumed", names=limits.assumed))
-        return " ".join(parts)
+        return " ".join([*parts, *_state_origins(result)])
 
     def frame(self) -> pd.DataFrame:
         """Return one row a joint: its range, speed, acceleration, and their limits."""
@@ -123,19 +122,26 @@ class ExcitationPresenter(AnsweringPresenter):
 
 
 def _state_torque(result: Excitation) -> list[str]:
-    """Return the largest planned torque of each drive with a limit, and where limits are from."""
+    """Return the largest planned torque of each drive with a limit."""
     limits = result.limits
     about = "excitation.limits"
     planned = zip(limits.joints, result.torque, limits.torque[: len(result.torque)], strict=False)
     each = [
-        f"{format_number(torque, 3)} of {format_number(most, 3)} in {joint} ({torque / most:.0%})"
+        f"{format_number(torque, 3)} of {format_number(most, 3)} in {joint} "
+        f"({percent_text(100 * torque / most)})"
         for joint, torque, most in planned
         if np.isfinite(most)
     ]
-    parts = [sentence(about, "torque", each=each)] if each else []
-    if limits.logged:
-        parts.append(sentence(about, "logged", times=BEYOND, names=limits.logged))
-    return parts
+    return [sentence(about, "torque", each=each)] if each else []
+
+
+def _state_origins(result: Excitation) -> list[str]:
+    """Return the limits that come from logs, and those that were assumed."""
+    about = "excitation.limits"
+    limits = result.limits
+    logged = sentence(about, "logged", times=BEYOND, names=limits.logged) if limits.logged else ""
+    assumed = sentence(about, "assumed", names=limits.assumed) if limits.assumed else ""
+    return [x for x in (logged, assumed) if x]
 
 
 def _answer_worth(result: Excitation) -> Answer:
@@ -161,9 +167,10 @@ def _answer_worth(result: Excitation) -> Answer:
 
 
 def _answer_safe(result: Excitation) -> Answer:
-    """Return whether the robot may play the motion."""
+    """Return whether the robot may play the motion; the limit of each drive is in the details."""
     part = "assumed" if result.limits.assumed else "yes"
-    return answer("excitation.safe", part, result.limits_statement)
+    text = join_sentences(sentence("excitation.limits", "joints"), *_state_origins(result))
+    return replace(answer("excitation.safe", part, text), more=result.limits_statement)
 
 
 class NextMotionPresenter(Presenter):

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Table
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import ledger, of_key
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, format_number, percent
-from identifiability.workflows.case_file import FILE
+from identifiability.workflows.case_file import FILE, CaseFile
 from identifiability.workflows.inspect import required_columns
 
 from .commands import name_logs, robot_word, validate_options
@@ -50,9 +52,14 @@ class InspectionPresenter(AnsweringPresenter):
         if not result.records:
             study = f"new study --robot {robot_word(result.robot)}"
             motion = f"excite {self.robot} --out motion.json --report motion.html"
-            begun = result.robot.path.with_name(FILE).is_file()
+            folder = result.robot.path.parent
             worth = command("worth", motion)
-            return [worth] if begun else [command("begin", study), worth]
+            if not (folder / FILE).is_file():
+                return [command("begin", study), worth]
+            fitted, held = _list_logs(folder)
+            logs = f"{name_logs(result.robot, fitted)}{validate_options(held)}"
+            look = command("inspect", f"inspect {self.robot} {logs} --report logs.html")
+            return [look, worth] if fitted else [worth]
         loaded = [hint.subject for hint in of_key(result.hints, "log_load")]
         kept = [r for r in result.records if r.name not in loaded]
         fitted = [r.path or r.name for r in kept if not r.held_out]
@@ -93,6 +100,16 @@ class InspectionPresenter(AnsweringPresenter):
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a base parameter: name, unit and grouping."""
         return by_name(self.result.base.to_frame())
+
+
+def _list_logs(folder: Path) -> tuple[list[str], list[str]]:
+    """Return the fitted and the held-out logs of a case that are there."""
+    try:
+        case = CaseFile.read(folder)
+    except IdentifiabilityError:  # the verbs that use the case say it
+        return [], []
+    fitted, held = ([x for x in each if Path(x).is_file()] for each in (case.logs, case.held_out))
+    return fitted, held
 
 
 def _join_logs(frame: pd.DataFrame) -> pd.DataFrame:
@@ -139,8 +156,11 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
     samples = int(clocks.samples.sum())
     rates = dict.fromkeys(format_number(x, 3) for x in (clocks.rate.min(), clocks.rate.max()))
     joints: Any = pd.concat([r.joints for r in result.records], ignore_index=True)
-    each = [f"{x.subject}: {x}" for x in result.findings if "left out" in x.done and x.subject]
-    left = sentence("inspection.sound", "left", each=each) if each else ""
+    apart = [x for x in result.findings if "left out" in x.done and x.subject]
+    logs = [*dict.fromkeys(x.subject for x in apart)]
+    # The shares of each log are in the ledger.
+    what = [*dict.fromkeys(x.partition(": ")[0] for x in apart)]
+    left = sentence("inspection.sound", "left", logs=logs, what=what) if apart else ""
     yield answer(
         about,
         "motion",

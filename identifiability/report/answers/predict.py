@@ -270,9 +270,10 @@ class PositionPredictionPresenter(AnsweringPresenter):
         error = _state_size(result, result.runs[1].errors)
         lag = _state_size(result, result.from_commands)
         alone, advice = _state_alone(result)
-        short = sentence("rollout.errors", "moves", error=error, lag=lag, alone=alone)
-        torque = usual.short[0].lower() + usual.short[1:]
-        return replace(usual, short=join_sentences(f"{short} {torque}", advice))
+        torque = usual.short.replace("Error", "Torque error", 1)
+        holes = {"error": error, "lag": lag, "alone": alone, "torque": torque}
+        short = sentence("rollout.errors", "moves", **holes)
+        return replace(usual, short=join_sentences(short, advice))
 
     def warn(self, usual: Answer) -> Answer:
         """Return an answer behind the warning that the named effects make motion worse."""
@@ -390,7 +391,8 @@ def _answer_motion(result: PositionPrediction) -> Answer:
     ends = (format_number(x, 3, pad=True) for x in (*own[:1], *own[-1:]))
     size = f"{' … '.join(dict.fromkeys(ends))} {result.unit}"
     late = sentence(about, "lag", lag=_state_size(result, lag)) if np.isfinite(lag).all() else ""
-    text = sentence(about, "joints", size=size, lag=late) if own else ""
+    noise = _state_size(result, result.noise)
+    text = sentence(about, "joints", size=size, noise=noise, lag=late) if own else ""
     grave = first_sentence(*(x for x in result.hints if hint_note(x).level == "warning"))
     part = "care" if grave else "yes" if result.unseen else "fitted"
     part = part if _moves_better(result) else "no"

@@ -108,6 +108,12 @@ class ModelResult:
         return real.within(self.submodel)
 
     @property
+    def without_offsets(self) -> list[tuple[Verdict, tuple[str, ...]]]:
+        """Identifiable parameters that a torque offset of some joints would hide, and these."""
+        pairs = zip(self.verdicts, self.fit.excluded, strict=True)
+        return [pair for pair in pairs if pair[1] and pair[0].verdict is Class.IDENTIFIABLE]
+
+    @property
     def physical_used(self) -> bool:
         """Whether the values to use are those of the nearest physically consistent robot."""
         return self.real is not None

@@ -22,7 +22,6 @@ from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.estimation.rules import RULES
 from identifiability.estimation.search import is_unknown_age
-from identifiability.estimation.verdict import Class
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
@@ -122,11 +121,10 @@ def list_scales(result: ModelResult) -> dict[str, tuple[float, float]]:
 
 def say_excluded_offsets(result: ModelResult) -> Finding | str:
     """Return parameters, with joints, that only a model without torque offsets identifies."""
-    pairs = zip(result.verdicts, result.fit.excluded, strict=True)
-    sure = (pair for pair in pairs if pair[1] and pair[0].verdict is Class.IDENTIFIABLE)
     names = [
-        f"an offset of {join(joints)} looks like {'the combination ' * (' ' in v.label)}{v.name}"
-        for v, joints in sure
+        f"{'one' if k else 'an offset'} of {join(joints)}{'' if k else ' looks'} like "
+        f"{'the combination ' * (' ' in v.label)}{v.name}"
+        for k, (v, joints) in enumerate(result.without_offsets)
     ]
     return Finding("excluded_offsets", names=names) if names else ""
 
