@@ -48,8 +48,8 @@ def result_of(folder, name="result.json"):
 
 
 def test_verbs_need_no_arguments_in_the_folder_of_a_case(folder, command):
-    inspected = command("inspect").output
-    assert "2 logs to fit and 1 held-out log" in inspected
+    assert "2 logs to fit and 1 held-out log" in command("inspect").output
+    assert "inspect robot.xml run1.csv" in command("inspect", "robot.xml").output
     for verb in ("analyze --quick", "predict", "export", "compare", "diagnose --quick"):
         done = command(*verb.split())
         assert done.exit_code == 0, done.output

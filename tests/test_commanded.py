@@ -310,6 +310,7 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     frame = result.to_frame()
     assert "identifiable" not in frame[frame.name.str.endswith(".off")].verdict.tolist()
     rolled = predict(robot, result, logs[1], forward=True)
+    assert rolled.noise.max() < rolled.totals[-1]
     log = read(robot, logs[1])
     delay, best = roll_delayed(machine, log)
     (part,) = machine.roll_all([log.rows(400, 800)], None, [delay], sources=[log])

@@ -649,44 +649,39 @@ def rollout_sections(result: PositionPrediction) -> list[Section | None]:
 
 
 def rollout_moving(result: PositionPrediction) -> Moving | None:
-    """Return the robots as they move along the first log, if they can be drawn."""
+    """Return the robots along the part of the first log that counts, if they can be drawn."""
     log = result.logs[0]
     robot = result.robot
     names = name_runs(result)
-    motions = {"recording": ("grey", log.q)}
-    runs = zip(names, TONES, result.runs, strict=False)
-    motions |= {name: (tone, run.q[0]) for name, tone, run in runs}
     start = result.runs[0].starts[0]
-    errors = [
-        1e3 * np.sqrt(np.mean((run.q[0] - log.q)[:, result.alike] ** 2, axis=1))
-        for run in result.runs
-    ]
+    t, recorded = log.t[start:] - log.t[0], log.q[start:]
+    motions = {"recording": ("grey", recorded)}
+    runs = zip(names, TONES, result.runs, strict=False)
+    motions |= {name: (tone, run.q[0][start:]) for name, tone, run in runs}
+    differences = [1e3 * (q - recorded) for _, q in motions.values()]
+    errors = [np.sqrt(np.mean(x[:, result.alike] ** 2, axis=1)) for x in differences[1:]]
 
     def tell(row: int) -> str:
-        if row < start:
-            return sentence("rollout.motion", "uncounted")
         now = [f"{own[row]:.3g} {result.unit}" for own in errors]
         sizes = ["diverged" if size.startswith("nan") else size for size in now]
         pairs = map(" ".join, zip(names, sizes, strict=True))
         return " · ".join(pair.replace(" ", "\xa0") for pair in pairs)
 
     times = _magnify(result)
-    scale = np.where(np.arange(len(log)) < start, 1.0, times)[:, None]
-    drawn = {name: (tone, log.q + scale * (q - log.q)) for name, (tone, q) in motions.items()}
+    drawn = {name: (tone, recorded + times * (q - recorded)) for name, (tone, q) in motions.items()}
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in drawn.items()}
     larger = sentence("rollout.motion", "times", times=times) if times > 1 else ""
     worst = find_worst(result)
     joint = log.joints[worst]
     driven = "commands" if has_commands(log) else "torque"
     caption = sentence("rollout.motion", driven, log=log.name, times=larger)
-    moving = move_skeletons(robot, log.t, poses, lambda rows: [[*map(tell, rows)]], caption)
+    moving = move_skeletons(robot, t, poses, lambda rows: [[*map(tell, rows)]], caption)
     if moving is None:
         return None
-    off = {name: 1e3 * (q - log.q)[start:, worst] for name, (_, q) in motions.items()}
-    off["recording"] = np.full_like(off["recording"], np.nan)  # it has a colour, and no error
-    times = log.t[start:] - log.t[0]
-    below = Trace.of(for_svg(joint), result.unit, times, off, POINTS, "position error")
-    return replace(moving, torque=below)
+    off = {name: x[:, worst] for name, x in zip(motions, differences, strict=True)}
+    off["recording"] = np.full_like(t, np.nan)  # it has a colour, and no error
+    below = Trace.of(for_svg(joint), result.unit, t - t[0], off, POINTS, "position error")
+    return replace(moving, torque=below, t=moving.t + t[0])
 
 
 def _magnify(result: PositionPrediction) -> float:

@@ -72,7 +72,7 @@ def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
     robot = Robot.load(name)
     t = np.arange(0, 4, 0.01)
     home = robot.actuated_positions(robot.home[None])[0]
-    q = home + 0.05 * np.sin(t)[:, None] * np.ones(len(home))
+    q = home + 0.05 * np.sin(t)[:, None]
     motion = complete_motion(robot, t, q, np.gradient(q, t, axis=0), np.zeros_like(q))
     torque = np.sin(3 * t)[:, None] * np.ones(len(home))
     residual = np.zeros_like(torque)

@@ -327,7 +327,7 @@ class PredictingPresenter(AnsweringPresenter):
         noisier = sentence("quality", "raw", raw=raw) if filtered else ""
         about = sentence("laddered.measured", "about")
         uses = self.state_uses()
-        grave = uses if self.list_useless() else ""  # a reader must not miss it
+        grave = uses if list_useless(self) else ""  # a reader must not miss it
         more = join_sentences(about, noisier, "" if grave else uses, more)
         if noisy:
             text, more = sentence("quality", "quieter"), join_sentences(text, more)
@@ -339,18 +339,12 @@ class PredictingPresenter(AnsweringPresenter):
     def state_uses(self) -> str:
         """Return the tasks that the error of every joint is small enough for."""
         grade = self.grade_uses()
-        names = self.list_useless()
+        names = list_useless(self)
         some = names and self.errors()[0] <= RULES.grades[-1]
         uses = sentence("decision.uses", "but" if some else grade, names=names)
         if TONES[grade] != "vermilion" and self.reserved():
             uses = sentence("quality", "reserved", uses=uses)
         return capital(uses)
-
-    def list_useless(self) -> list[str]:
-        """Return the joints whose torque a constant predicts as well."""
-        useless = self.errors()[1] > RULES.grades[-1]
-        names: list[str] = np.array(self.result.robot.joints)[useless].tolist()
-        return names
 
     def state_limit(self) -> str:
         """Return the error up to which a model is usually enough for these tasks."""
@@ -383,6 +377,13 @@ class PredictingPresenter(AnsweringPresenter):
         noisy = is_noise(sizes, self.noise())[at]
         text = sentence("quality", "noisy", joint=joint) if noisy else ""
         return worst, text, max(grade, grade_of(own), key=list(TONES).index)
+
+
+def list_useless(presenter: PredictingPresenter) -> list[str]:
+    """Return the joints whose torque a constant predicts as well."""
+    joints = presenter.result.robot.joints
+    errors = presenter.errors()[1].tolist()
+    return [joint for joint, error in zip(joints, errors, strict=True) if error > RULES.grades[-1]]
 
 
 def worst_joint(joints: Sequence[str], each: Array) -> tuple[str, float]:

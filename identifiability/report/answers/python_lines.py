@@ -148,7 +148,7 @@ def _with_variables(
     without = {"json"} | ({"out"} if verb in ("diagnose", "prune") else set())
     kept = {key: values for key, values in options.items() if key not in {*OF_ROBOT, *without}}
     for key, values in kept.items():
-        if key in (*LOGS, "ladder", "model"):
+        if key in (*LOGS, "ladder") or (key == "model" and len(values) == 1):
             named = [_variable(value, LOGS.get(key, "")) for value in values]
             kept[key] = list(dict.fromkeys(named))
     return verb, [_Variable("robot"), *words], kept
@@ -219,7 +219,8 @@ def _split(words: Sequence[str]) -> tuple[list[str], dict[str, list[str]]]:
         value = "True" if name in SWITCHES else next(rest, "")
         if name == "set":
             name, _, value = value.partition("=")
-        options.setdefault(name, []).append(value)
+        effects = name == "model" and not value.endswith(".toml")
+        options.setdefault(name, []).extend(value.split(",") if effects else [value])
     return given, options
 
 
@@ -256,6 +257,7 @@ def _keywords(options: dict[str, list[str]], verb: str) -> list[str]:
         if name in apart:
             continue
         value = quoted(values[0]) if len(values) == 1 and name not in FILES else _files(values)
+        value = repr(values) if name == "parameter" else value
         told.append(f"{KEYWORDS.get(name, name)}={value}")
     if verb == "export" and "patch" in options:
         told.append("form='patch'")
