@@ -291,7 +291,7 @@ def _state_limits(
     how: Preparation,
 ) -> list[Finding]:
     """Return limits of torque that only held-out logs with commands reach."""
-    limits = []
+    limits: list[Finding] = []
     for log in filter(of_commands, held_out):
         band = fit_band(structure.robot, log, how) or how
         recording = prepare_recording(structure, log, found.parameters, band)
