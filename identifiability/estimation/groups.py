@@ -311,7 +311,9 @@ class Missing:
                 data[:, j] = seen.data[:, j]
                 runs[j] = seen.runs[j]
         out = replace(self, seen=replace(seen, data=data, runs=tuple(runs)))
-        vars(out)["entries"] = {at: x * data[:, at[0]] for at, x in self.entries.items()}
+        # Columns are large: they are handed over, and computed again if this one is asked for them.
+        entries = vars(self).pop("entries")
+        vars(out)["entries"] = {at: entries.pop(at) * data[:, at[0]] for at in [*entries]}
         return out
 
     def _has_room(self, joint: int, runs: Runs) -> bool:
