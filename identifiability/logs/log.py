@@ -140,11 +140,6 @@ class Log:
         return is_long(len(self))
 
     @cached_property
-    def step(self) -> float:
-        """Sampling step, the median difference of times [s]."""
-        return signals.sampling_step(self.t)
-
-    @cached_property
     def commands_since(self) -> Array:
         """Return the time since which the commands of each row are held, (N,) [s]."""
         if self.arrivals is not None:

@@ -27,7 +27,7 @@ from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
-from identifiability.logs import Log
+from identifiability.logs import Log, signals
 from identifiability.logs.commands import acting
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import find_arms, quiet
@@ -318,7 +318,7 @@ class CommandedRobot:
         made = dict[float, tuple[Any, Any]]()
         rolled = []
         for log, delay, source in zip(logs, delays, sources or logs, strict=True):
-            dt = log.step
+            dt = signals.sampling_step(log.t)
             h = dt / max(1, int(np.ceil(dt / step - 1e-9)))
             if h not in made:
                 model = self._with(own, h)
@@ -393,7 +393,7 @@ class CommandedRobot:
         duration = source.t[-1] - source.t[0]
         held = -np.expm1(-ki / servo.kp[own] * duration)
         past = source.rows(0, np.searchsorted(source.t, log.t[0], side="right"))
-        added = sum_errors(past, servo, delay, log.step)[own]
+        added = sum_errors(past, servo, delay, signals.sampling_step(log.t))[own]
         out[model.actuator_actadr[self.actuators[own]]] = held * load / ki + added
         return out
 
@@ -480,14 +480,14 @@ def starting_speeds(log: Log) -> Array:
 
     Exact differences would turn noise of positions into an error of the start that lasts long.
     """
-    dt = log.step
+    dt = signals.sampling_step(log.t)
     rows = _seen_rows(dt, len(log))
     return scipy.signal.savgol_filter(log.q, rows, 2, 1, dt, axis=0)
 
 
 def starting_speed(log: Log) -> Array:
     """Return the speed from which a rollout of a log starts, (n,): the first of the speeds."""
-    dt = log.step
+    dt = signals.sampling_step(log.t)
     rows = _seen_rows(dt, len(log))
     return _first_slope(rows) @ log.q[:rows] / dt
 
@@ -511,7 +511,7 @@ def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float
     The simulation restarts from the measured state every `window` [s]. The last restart is one
     window before the end.
     """
-    step = log.step
+    step = signals.sampling_step(log.t)
     rows = min(max(2, round(window / step)), len(log))
     regular = np.arange(0, len(log) - rows, rows)
     starts = np.append(regular, len(log) - rows)
