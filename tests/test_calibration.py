@@ -83,7 +83,7 @@ def test_the_command_writes_a_report(simulated_session, succeeds, tmp_path):
     words = ["two-link", log, "--quick", "--set", "workers=1", "--replicates", 16, "-v"]
     run = succeeds("calibrate", *words, "--report", report, "--json", data)
     said = " ".join(run.stdout.split())
-    assert "of all 95 % intervals hold the true value (without torque offset)." in said
+    assert "repetitions with known values (without torque offset)." in said
     assert "of the parameters called identifiable are off by more than half." in said
     assert "of its intervals hold the truth." in said
     html = report.read_text().replace("\u00a0", " ")

@@ -310,7 +310,7 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     frame = result.to_frame()
     assert "identifiable" not in frame[frame.name.str.endswith(".off")].verdict.tolist()
     rolled = predict(robot, result, logs[1], forward=True)
-    assert rolled.noise.max() < rolled.totals[-1]
+    assert max(rolled.noise) < rolled.totals[-1]
     log = read(robot, logs[1])
     delay, best = roll_delayed(machine, log)
     (part,) = machine.roll_all([log.rows(400, 800)], None, [delay], sources=[log])
@@ -410,9 +410,8 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     log = read(arm, frames[1])
     apart = roll_delayed(CommandedRobot(arm, TRUTH), log)[1] - log.q
     assert found.totals[1] < 1.05 * apart[forgotten(log) :].std()
-    size = f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad"
-    told = result.answers()[1]
-    assert f"{size};" in told.short
+    size = f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad."
+    assert size in result.answers()[1].short
     # A gripper that closes on objects.
     file, run = result.moved.runs
     run = replace(run, errors=result.moved.from_commands * [0.01, 0.2])
@@ -421,7 +420,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     assert found.answers()[1].tone == "green"  # no log was fitted
     found.to_json(tmp_path / "rollout.json")
     for one in (found, move(arm, frames[1])):
-        assert one.write_report(tmp_path / "rollout.html").is_file()
+        assert "times as large" in one.write_report(tmp_path / "rollout.html").read_text()
 
 
 @pytest.fixture(scope="module")

@@ -651,15 +651,12 @@ def rollout_sections(result: PositionPrediction) -> list[Section | None]:
 def rollout_moving(result: PositionPrediction) -> Moving | None:
     """Return the robots along the part of the first log that counts, if they can be drawn."""
     log = result.logs[0]
-    robot = result.robot
     names = name_runs(result)
     start = result.runs[0].starts[0]
-    t, recorded = log.t[start:] - log.t[0], log.q[start:]
-    motions = {"recording": ("grey", recorded)}
-    runs = zip(names, TONES, result.runs, strict=False)
-    motions |= {name: (tone, run.q[0][start:]) for name, tone, run in runs}
-    differences = [1e3 * (q - recorded) for _, q in motions.values()]
-    errors = [np.sqrt(np.mean(x[:, result.alike] ** 2, axis=1)) for x in differences[1:]]
+    t = log.t[start:] - log.t[0]
+    recorded = log.q[start:]
+    differences = [run.q[0][start:] - recorded for run in result.runs]
+    errors = [1e3 * np.sqrt(np.mean(x[:, result.alike] ** 2, axis=1)) for x in differences]
 
     def tell(row: int) -> str:
         now = [f"{own[row]:.3g} {result.unit}" for own in errors]
@@ -667,20 +664,23 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         pairs = map(" ".join, zip(names, sizes, strict=True))
         return " · ".join(pair.replace(" ", "\xa0") for pair in pairs)
 
+    place = result.robot.configuration
     times = _magnify(result)
-    drawn = {name: (tone, recorded + times * (q - recorded)) for name, (tone, q) in motions.items()}
-    poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in drawn.items()}
+    poses = {"recording": ("grey", place(recorded))}
+    for name, tone, x in zip(names, TONES, differences, strict=False):
+        poses[name] = tone, place(recorded + times * x)
     larger = sentence("rollout.motion", "times", times=times) if times > 1 else ""
-    worst = find_worst(result)
-    joint = log.joints[worst]
     driven = "commands" if has_commands(log) else "torque"
     caption = sentence("rollout.motion", driven, log=log.name, times=larger)
-    moving = move_skeletons(robot, t, poses, lambda rows: [[*map(tell, rows)]], caption)
+    moving = move_skeletons(result.robot, t, poses, lambda rows: [[*map(tell, rows)]], caption)
     if moving is None:
         return None
-    off = {name: x[:, worst] for name, x in zip(motions, differences, strict=True)}
-    off["recording"] = np.full_like(t, np.nan)  # it has a colour, and no error
-    below = Trace.of(for_svg(joint), result.unit, t - t[0], off, POINTS, "position error")
+    worst = find_worst(result)
+    # The recording has a colour, and no error.
+    off = {"recording": np.full_like(t, np.nan)}
+    off |= {name: 1e3 * x[:, worst] for name, x in zip(names, differences, strict=True)}
+    joint = for_svg(log.joints[worst])
+    below = Trace.of(joint, result.unit, t - t[0], off, POINTS, "position error")
     return replace(moving, torque=below, t=moving.t + t[0])
 
 
@@ -689,9 +689,9 @@ def _magnify(result: PositionPrediction) -> float:
 
     Loops would not close with larger differences.
     """
-    log = result.logs[0]
-    motion = np.std(log.q[:, result.alike], axis=0)
-    largest = np.sqrt(np.mean(motion**2)) / result.totals.max()
+    each = np.std(result.logs[0].q[:, result.alike], axis=0)
+    motion = np.sqrt(np.mean(each**2))
+    largest = motion / result.totals.max()
     if result.robot.closed or not largest > 1:
         return 1.0
     return float(10.0 ** np.floor(np.log10(largest)))

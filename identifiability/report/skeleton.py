@@ -64,7 +64,8 @@ class _Parts:
         arms = [np.linalg.norm(j.translation) for j in tree.joints if j.parent != WORLD]
         starts = [x[0] for x in self.points]
         # Joints that all lie in one point have bodies that reach from there.
-        size = float(np.ptp(starts, axis=0).max() or np.max([*map(self.reach, self.robot.bodies)]))
+        reach = max(map(self.reach, self.robot.bodies))
+        size = float(np.ptp(starts, axis=0).max() or reach)
         lengths = [x for x in arms if x > 0.05 * size]
         usual = float(np.median(lengths)) if lengths else size
         # In proportion to the distances between joints, and to the whole robot.
@@ -72,8 +73,8 @@ class _Parts:
 
     def centre(self, body: str) -> Array:
         """Return the centre of mass of a body by the file, (3,) [m]; its origin without mass."""
-        values = [self.robot.nominal.get(f"{body}.{kind}", 0.0) for kind in ("m", "mx", "my", "mz")]
-        mass, *first = values
+        known = self.robot.nominal
+        mass, *first = (known.get(f"{body}.{kind}", 0.0) for kind in ("m", "mx", "my", "mz"))
         return np.array(first) / (mass if mass > 0 else np.inf)
 
     def reach(self, body: str) -> float:

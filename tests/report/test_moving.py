@@ -74,7 +74,7 @@ def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
     home = robot.actuated_positions(robot.home[None])[0]
     q = home + 0.05 * np.sin(t)[:, None]
     motion = complete_motion(robot, t, q, np.gradient(q, t, axis=0), np.zeros_like(q))
-    torque = np.sin(3 * t)[:, None] * np.ones(len(home))
+    torque = np.sin(3 * t)[:, None] * np.ones_like(home)
     residual = np.zeros_like(torque)
     residual[200:, 1] = 0.5
     torque[250:260] = np.nan

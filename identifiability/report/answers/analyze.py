@@ -500,7 +500,8 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     if doubt or not odd:
         return usual
     # One answer says once that care is needed.
-    second = capital(usual.short.removeprefix(sentence("trust", "care", grave="").rstrip(".")))
+    prefix = sentence("trust", "care", grave="").rstrip(".")
+    second = capital(usual.short.removeprefix(prefix))
     others = () if usual.tone == "green" else (second, usual.text)
     text = join_sentences(_state_measurement(result), *others)
     care = sentence("trust", "care", grave=after_colon(odd[0]))
@@ -634,9 +635,11 @@ def state_weight(result: Laddered[Any]) -> str:
 
 def _separate_offsets(result: Laddered[Any], names: Sequence[str]) -> str:
     """Return the options of a motion that tells parameters from torque offsets."""
-    effects = ",".join(dict.fromkeys((*result.effects, "torque_offset")))
-    asked = [option_for_shell("--parameter", name) for name in names if name in result.base.names]
-    return " ".join(["", option_for_shell("--model", effects), *asked])
+    effects = dict.fromkeys((*result.effects, "torque_offset"))
+    model = option_for_shell("--model", ",".join(effects))
+    known = [name for name in names if name in result.base.names]
+    asked = [option_for_shell("--parameter", name) for name in known]
+    return " ".join(["", model, *asked])
 
 
 def _has_doubted(chosen: ModelResult) -> bool:

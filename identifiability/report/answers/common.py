@@ -77,7 +77,8 @@ def after_colon(text: str) -> str:
     """Return a text as it stands after a colon, without its final stop; names keep their case."""
     first = text.partition(" ")[0]
     plain = first.isalpha() and first[1:] == first[1:].lower()
-    return (text[:1].lower() + text[1:] if plain else text).rstrip(".")
+    begun = text[:1].lower() if plain else text[:1]
+    return f"{begun}{text[1:]}".rstrip(".")
 
 
 def sentence(name: str, what: str = "text", /, **holes: Any) -> str:

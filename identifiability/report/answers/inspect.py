@@ -23,6 +23,7 @@ from .common import NAMED, AnsweringPresenter, Command, answer, command, hint_no
 from .tables import make_table, span_cell
 
 if TYPE_CHECKING:
+    from identifiability.robot import Robot
     from identifiability.workflows.inspect import Inspection, JointFact, Record
 
 
@@ -50,16 +51,8 @@ class InspectionPresenter(AnsweringPresenter):
         """Return lines for the terminal, the most useful first."""
         result = self.result
         if not result.records:
-            study = f"new study --robot {robot_word(result.robot)}"
-            motion = f"excite {self.robot} --out motion.json --report motion.html"
-            folder = result.robot.path.parent
-            worth = command("worth", motion)
-            if not (folder / FILE).is_file():
-                return [command("begin", study), worth]
-            fitted, held = _list_logs(folder)
-            logs = f"{name_logs(result.robot, fitted)}{validate_options(held)}"
-            look = command("inspect", f"inspect {self.robot} {logs} --report logs.html")
-            return [look, worth] if fitted else [worth]
+            worth = f"excite {self.robot} --out motion.json --report motion.html"
+            return [*self._begin(result.robot), command("worth", worth)]
         loaded = [hint.subject for hint in of_key(result.hints, "log_load")]
         kept = [r for r in result.records if r.name not in loaded]
         fitted = [r.path or r.name for r in kept if not r.held_out]
@@ -72,6 +65,19 @@ class InspectionPresenter(AnsweringPresenter):
         logs = f"{name_logs(result.robot, fitted)}{validate_options(unseen)}"
         judge = f"analyze {self.robot} {logs} --report report.html --json analyze.json"
         return [command("analyze", judge)]
+
+    def _begin(self, robot: Robot) -> list[Command]:
+        """Return the line that begins a case, or that looks at the logs of the robot's case."""
+        folder = robot.path.parent
+        if not (folder / FILE).is_file():
+            return [command("begin", f"new study --robot {robot_word(robot)}")]
+        try:
+            case = CaseFile.read(folder)
+        except IdentifiabilityError:  # the verbs that use the case say it
+            return []
+        there = [x for x in (*case.logs, *case.held_out) if Path(x).is_file()]
+        line = f"inspect {self.robot} {name_logs(robot, there)} --report logs.html"
+        return [command("inspect", line)] if there else []
 
     def ledger(self) -> tuple[Table, ...]:
         """Return the table of all that checks found, and did with the logs."""
@@ -100,16 +106,6 @@ class InspectionPresenter(AnsweringPresenter):
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a base parameter: name, unit and grouping."""
         return by_name(self.result.base.to_frame())
-
-
-def _list_logs(folder: Path) -> tuple[list[str], list[str]]:
-    """Return the fitted and the held-out logs of a case that are there."""
-    try:
-        case = CaseFile.read(folder)
-    except IdentifiabilityError:  # the verbs that use the case say it
-        return [], []
-    fitted, held = ([x for x in each if Path(x).is_file()] for each in (case.logs, case.held_out))
-    return fitted, held
 
 
 def _join_logs(frame: pd.DataFrame) -> pd.DataFrame:
