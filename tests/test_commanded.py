@@ -404,14 +404,17 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     for name, row in sure.iterrows():
         low, high = row["interval95"]
         assert abs(row["value"] - true[name]) < 0.6 * (high - low), name
-    path = result.to_json(tmp_path / "result.json")
-    found = predict(arm, result, frames[1], forward=True)
-    assert_allclose(found.totals, predict(arm, path, frames[1], forward=True).totals)
+    found, again = (
+        predict(arm, x, frames[1], forward=True)
+        for x in (result, result.to_json(tmp_path / "result.json"))
+    )
+    assert_allclose(found.totals, again.totals)
     log = read(arm, frames[1])
     apart = roll_delayed(CommandedRobot(arm, TRUTH), log)[1] - log.q
     assert found.totals[1] < 1.05 * apart[forgotten(log) :].std()
     size = f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad."
-    assert size in result.answers()[1].short
+    told = result.answers()[1]
+    assert size in told.short
     # A gripper that closes on objects.
     file, run = result.moved.runs
     run = replace(run, errors=result.moved.from_commands * [0.01, 0.2])
