@@ -192,8 +192,8 @@ class NextMotionPresenter(Presenter):
         k = result.periods
         more = sentence(about, "times", times=k, seconds=k * period) if k > 1 else ""
         chances = {"chance": _state_chance(result.chance), "before": before}
-        limits = result.excitation.limits_statement
-        return sentence(about, pair=pair, period=period, more=more, limits=limits, **chances)
+        chances["limits"] = result.excitation.limits_statement
+        return sentence(about, pair=pair, period=period, more=more, **chances)
 
 
 def _state_chance(share: float) -> str:
