@@ -41,7 +41,12 @@ WARM = "warm"
 #: The pattern of the weight of a load without its inertia.
 WEIGHS = "weight"
 #: Functions that the model may lack in all logs alike.
-LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
+LACKS = (
+    "function_of_velocity",
+    "load_dependent_friction",
+    "function_of_load",
+    "function_of_position",
+)
 #: A direction whose torque may be so many times that of its joints is not identifiable.
 UNTOLD: Tolerance = 10.0
 #: Kinds of families other than friction; and words for them where their titles name a missing
@@ -160,27 +165,19 @@ class Compared(Excerpt):
     load: Array
 
     @staticmethod
-    def about(
-        seen: Excerpt, known: Known, names: Sequence[str], load: Array | None = None
-    ) -> Compared:
+    def about(seen: Excerpt, known: Known, load: Array | None = None) -> Compared:
         """Return rows minus the torque of known parameters.
 
         Parameters
         ----------
         seen : Excerpt
         known : Known
-        names : sequence of (b,) str
-            Of the base parameters.
         load : (N, n), optional [N·m or N]
-            Torque of loads. Gains and scales act on it, too.
+            Torque of loads. Gains act on it, too.
         """
         torque = seen.X @ known.base
         load = np.zeros_like(torque) if load is None else load
-        columns = seen.X.copy()
-        for j, joint in enumerate(seen.robot.joints):
-            if f"{joint}.scale" in names:
-                columns[:, j, names.index(f"{joint}.scale")] += load[:, j]
-        own = {**vars(seen), "X": columns @ known.directions, "y": seen.y - torque}
+        own = {**vars(seen), "X": seen.X @ known.directions, "y": seen.y - torque}
         return Compared(**own, torque=torque + load, load=load)
 
     @cached_property

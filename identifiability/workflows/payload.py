@@ -16,9 +16,7 @@ import numpy as np
 import scipy
 
 from identifiability.effects import FAMILIES
-from identifiability.effects.base import GravityTilt
 from identifiability.effects.inertia import Payload
-from identifiability.effects.nominal import reference_values
 from identifiability.effects.registry import is_loaded
 from identifiability.estimation.differences import UNTOLD, WEIGHS, Differences, Known, pooled_values
 from identifiability.estimation.groups import Excerpt
@@ -60,7 +58,7 @@ from identifiability.workflows.changes import Change, DifferentTorque, list_lack
 from .case import MEASURED, Case, take_case
 from .compare import read_sides
 from .predict import Fit, FitLike, find_fit, is_result, state_missing, state_reading
-from .sides import Sides, find_differences, list_patterns
+from .sides import Sides, carry_loads, find_differences, list_patterns
 from .torque_scale import UNSCALED, TorqueScale, measure_torque_scale
 
 # `LoadEstimate`: the ten parameters of a load, with their full uncertainty.
@@ -639,7 +637,7 @@ def payload(
         differences = _find_load(sides, seen, *of_load)
         found, remarks = choose_weight(differences, place)
         if is_loaded(structure.parameters):
-            seen = _carry(sides, seen, structure, place, found)
+            seen = carry_loads(sides, seen, [_first_load(found, place)] * sides.count)
             differences = _find_load(sides, seen, *of_load)
             found, remarks = choose_weight(differences, place)
         scale = UNSCALED
@@ -801,26 +799,11 @@ def _join_case(
     return Sides(loaded.count, regression), [*hints, *recordings.hints]
 
 
-def _carry(
-    sides: Sides, seen: Excerpt, structure: Structure, place: str, found: Differences
-) -> Excerpt:
-    """Return rows whose load-dependent columns have the load on a body, where logs carry it.
-
-    Friction that grows with the load of a joint would pass for a wrong gain of its torque. The load
-    is that of no further change.
-    """
+def _first_load(found: Differences, place: str) -> dict[str, float]:
+    """Return the parameters of the load on a body by name, without any further change."""
     first = found.known.size
     theta = found.solve()[0][first : first + 10][FROM_GROUPED]
-    names = [f"{place}.{kind}" for kind in INERTIAL_KINDS]
-    values = reference_values(structure.robot)
-    carried = {n: values.get(n, 0.0) + x for n, x in zip(names, theta.tolist(), strict=True)}
-    robot = replace(structure.robot, reference={**values, **carried})
-    regression = replace(sides.regression, robot=robot)
-    columns = replace(sides, regression=regression).look(0).X
-    # The weight of a load already follows gravity as the base leans.
-    follows = np.array([p.group != GravityTilt.name for p in regression.parameters])
-    loaded = seen.log < sides.count
-    return replace(seen, X=np.where(loaded[:, None, None] & follows, columns, seen.X))
+    return dict(zip((f"{place}.{kind}" for kind in INERTIAL_KINDS), theta.tolist(), strict=True))
 
 
 def _find_load(

@@ -6,7 +6,7 @@ model. `find_loads` returns the loads that only held-out logs have, and `report_
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,8 @@ import numpy as np
 from identifiability.effects import find_families
 from identifiability.effects.base import GravityTilt, apply_tilt
 from identifiability.effects.measurement import TorqueScale
+from identifiability.effects.nominal import reference_values
+from identifiability.effects.registry import is_loaded
 from identifiability.estimation.differences import (
     EXCERPT,
     LACKS,
@@ -130,7 +132,7 @@ def find_differences(
     weights : sequence of Candidate
         Weights of loads without their inertia.
     load : (N, n), optional [N·m or N]
-        Torque of loads that the logs carry: gains and scales act on it, too.
+        Torque of loads that the logs carry: gains act on it, too.
     """
     stated = dict(zip(structure.base.names, known.base.tolist(), strict=True))
     # A load hangs from the base as it stands, and the model may have found that this is tilted.
@@ -142,7 +144,7 @@ def find_differences(
     base = [0.0 if name.endswith(".scale") else x for name, x in stated.items()]
     known = replace(known, base=np.array(base))
     read = replace(seen, robot=robot, y=seen.y / gain, raw=seen.raw / gain)
-    rows = Compared.about(read, known, structure.base.names, load)
+    rows = Compared.about(read, known, load)
     return Differences.of(
         rows,
         list_changes(robot, bodies),
@@ -193,18 +195,74 @@ def find_changes(
     terms = found.model.search()
     load = _torque_of_loads(found, terms)
     if load.any():
-        found = find_differences(*given, warms=True, load=load)
+        carrying = carry_loads(sides, seen, _list_loads(found, terms))
+        found = find_differences(structure, carrying, *given[2:], warms=True, load=load)
         terms = found.model.search()
     return found, terms
 
 
-def _torque_of_loads(found: Differences, terms: Terms) -> Array:
-    """Return the torque of the loads among terms, (N, n) [N·m or N]."""
+def carry_loads(sides: Sides, seen: Excerpt, loads: Sequence[Mapping[str, float]]) -> Excerpt:
+    """Return rows whose load-dependent columns have the loads that logs carry.
+
+    Friction that grows with the load of a joint would pass for a wrong gain of its torque.
+
+    Parameters
+    ----------
+    sides : Sides
+    seen : Excerpt
+        Its rows.
+    loads : sequence of mapping
+        Parameters that are added to those of bodies, by name, of each log; the rest carry none.
+    """
+    # The weight of a load already follows gravity as the base leans.
+    follow = [is_loaded([p]) and p.group != GravityTilt.name for p in sides.regression.parameters]
+    X = seen.X
+    for k, load in enumerate(loads):
+        if load and load not in loads[:k] and any(follow):
+            carry = np.isin(seen.log, [j for j, x in enumerate(loads) if x == load])
+            X = np.where(carry[:, None, None] & follow, _columns_under(sides, load), X)
+    return replace(seen, X=X)
+
+
+def _columns_under(sides: Sides, load: Mapping[str, float]) -> Array:
+    """Return the columns (N, n, b) of all rows for a robot that carries a load."""
+    robot = sides.regression.robot
+    values = reference_values(robot)
+    carried = {name: values.get(name, 0.0) + x for name, x in load.items()}
+    loaded = replace(robot, reference={**values, **carried})
+    return replace(sides, regression=replace(sides.regression, robot=loaded)).look(0).X
+
+
+def _list_loads(found: Differences, terms: Terms) -> list[dict[str, float]]:
+    """Return the parameters of the loads among terms by name, of each log.
+
+    They are those of no other change: beside the wrong torque of effects that depend on loads,
+    other changes are wrong as well.
+    """
+    sizes = _sizes_of_loads(found, tuple(t for t in terms if found.whose(t).kind == "load"))
+    logs = range(len(found.columns[0][0].logs))
+    loads = [dict[str, float]() for _ in logs]
+    for k in np.flatnonzero(sizes):
+        change, name, _ = found.columns[k]
+        for log in np.flatnonzero(change.logs):
+            size = float(sizes[k]) * change.logs[log]
+            loads[log][name] = loads[log].get(name, 0.0) + size
+    return loads
+
+
+def _sizes_of_loads(found: Differences, terms: Terms) -> Array:
+    """Return the parameters of the loads among terms, (C,)."""
     value = found.solve(terms)[0]
     sizes = np.zeros(len(found.columns))
     for k, term in enumerate(terms):
         if found.whose(term).kind == "load":
             sizes[found.at(term)] = value[rows_of(found.model, terms, k)]
+    return sizes
+
+
+def _torque_of_loads(found: Differences, terms: Terms) -> Array:
+    """Return the torque of the loads among terms, (N, n) [N·m or N]."""
+    sizes = _sizes_of_loads(found, terms)
     torque = np.zeros_like(found.missing.seen.y)
     for (joint, column), x in found.missing.entries.items():
         torque[:, joint] += sizes[column] * x

@@ -225,4 +225,4 @@ def test_a_motor_and_its_joint_share_the_change_that_their_sum_shows(tmp_path):
     assert abs(share + 0.4) < 3 * sd < 1.5 * abs(share)
     texts, limits = ([c.text + c.note for r in t.rows for c in r] for t in found.tables())
     assert texts.count("not determined apart") > 4  # before, after and change, of joint and motor
-    assert "440 % (28 N·m)cannot be monitored with this motion" in limits
+    assert "450 % (28 N·m)cannot be monitored with this motion" in limits
