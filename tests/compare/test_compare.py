@@ -117,10 +117,9 @@ def test_a_load_is_as_sure_as_gains_that_drift_and_links_that_bend(name, mass, g
 def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():
     before = logs(PLANAR, 0)[0]
     after = logs(PLANAR, 30, elbow=1.5)[1]
-    rng = default_rng(9)
-    bad = replace(logs(PLANAR, 31, elbow=1.5)[1], name="bad")
-    bad = replace(bad, tau=Noise(additive=0.24, correlation=0.7).on_torque(bad.tau, rng))
-    sides = (after, [after, bad])
+    bad = logs(PLANAR, 31, elbow=1.5)[1]
+    loud = Noise(additive=0.24, correlation=0.7).on_torque(bad.tau, default_rng(9))
+    sides = after, [after, replace(bad, name="bad", tau=loud)]
     (alone,), (both,) = (compare(PLANAR, before, side).changes for side in sides)
     assert alone.place == both.place == "elbow"
     assert both.share_sd < 1.1 * alone.share_sd
