@@ -119,8 +119,8 @@ def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | No
     else:
         for k, joint in enumerate(robot.joints):
             _add_servo(spec, joint, servo, k, _TENDON if joint in cables else _JOINT)
-    for body in spec.bodies:
-        body.simple = False  # the centre of mass may move off the origin
+    for element in spec.bodies:
+        element.simple = False  # the centre of mass may move off the origin
     model = compile_robot(robot, spec)
     _set_couplings(model, robot)
     _set_bodies(model, robot, values)
