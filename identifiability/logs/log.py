@@ -13,7 +13,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import combinations, pairwise, product
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -475,11 +475,28 @@ def check_held_out(train: Sequence[Log], held_out: Sequence[Log]) -> None:
     ------
     LogError
     """
-    pairs = [("twice.fitted", s, other) for other, s in combinations(train, 2) if s.sha256]
-    pairs += [("twice.held", s, other) for s, other in product(held_out, train)]
-    for key, s, other in pairs:
-        if _same(s, other):
-            raise LogError(Finding(key, "", log=s.name, other=other.name))
+    for k, s in enumerate(train):
+        for other in train[:k]:
+            if s.sha256 and _same(s, other):
+                raise LogError(
+                    Finding(
+                        "twice.fitted",
+                        "",
+                        log=s.name,
+                        other=other.name,
+                    )
+                )
+    for s in held_out:
+        for other in train:
+            if _same(s, other):
+                raise LogError(
+                    Finding(
+                        "twice.held",
+                        "",
+                        log=s.name,
+                        other=other.name,
+                    )
+                )
 
 
 def _same(one: Log, other: Log) -> bool:

@@ -1015,12 +1015,13 @@ def state_gains(scales: Scales, robot: Robot) -> str:
     columns = {robot.torque_column(joint): scale for joint, scale in scales.items()}
     if not columns or "" in columns:
         return ""
-    gains = robot.torque.scaled_gains({n: 1.0 / (1.0 + scale) for n, (scale, _) in columns.items()})
-    each = [
-        f"{n} {measured(gains[n], gains[n] * half / (1.0 + scale))}"
-        for n, (scale, half) in columns.items()
-        if half < np.inf
-    ]
+    factors = {name: 1.0 / (1.0 + scale) for name, (scale, _) in columns.items()}
+    gains = robot.torque.scaled_gains(factors)
+    each = list[str]()
+    for name, (_, half) in columns.items():
+        error = gains[name] * factors[name] * half
+        if error < np.inf:
+            each.append(f"{name} {measured(gains[name], error)}")
     errors = phrase("alternative", "errors" if each else "ratios", each=each)
     return phrase("alternative", "scaled", gains=for_toml(gains), errors=errors)
 
@@ -1032,7 +1033,8 @@ def describe_completed(shares: Sequence[Share], robot: Robot, scales: Scales) ->
     """
     ways = {ClockError.name: "later", TimeDelay.name: "earlier"}
     clocks = [s for s in shares if s.term.group.family in ways]
-    parts = [phrase("alternative", "has", what=[describe_term(s.term) for s in shares])]
+    what = [describe_term(s.term) for s in shares]
+    parts = [phrase("alternative", "has", what=what)]
     if len(clocks) < len(shares):
         parts.append(state_gains(scales, robot) or phrase("alternative", "columns"))
     for s in clocks:

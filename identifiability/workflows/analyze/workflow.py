@@ -411,7 +411,8 @@ def conclude_analysis(
     results = assess_ladder(found, rng, settings["replicates"], missing)
     selected = select_model(results, found.near)
     results, nothing = doubt(data.misread, results, selected)
-    hints = [*data.remarks(list_scales(results[selected])), rows.outlier_hint, found.short]
+    scales = list_scales(results[selected])
+    hints = [*data.remarks(scales), rows.outlier_hint, found.short]
     hints += () if data.recordings.commanded else say_band(data.band)
     hints += say_delays(data.robot, missing)
     if not data.explained:  # exchanged columns, a wrong unit or late torque explain the rest
