@@ -430,11 +430,12 @@ def read_actuators(m: Any) -> list[Actuator]:
 
 def _read_friction(m: Any, a: int) -> tuple[dict[str, float], float]:
     """Return the dry friction of an actuator, and the distance over which it builds up, if any."""
-    builds_up = m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_DCMOTOR
-    if not (builds_up and m.actuator(a).name.startswith(DRY_FRICTION)):
+    ours = m.actuator(a).name.startswith(DRY_FRICTION)
+    stiffness = float(m.actuator_dynprm[a, 5])
+    if m.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_DCMOTOR or not (ours and stiffness):
         return {}, 0.0
     level = float(m.actuator_biasprm[a, 3])
-    return {"frictionloss": level}, level / float(m.actuator_dynprm[a, 5])
+    return {"frictionloss": level}, level / stiffness
 
 
 def _integrates(m: Any, a: int) -> bool:

@@ -140,7 +140,8 @@ def _answer_usable(result: Inspection) -> Answer:
         text = sentence("inspection.sound")
         count = len(result.records)
         return answer(about, "yes" if count > 1 else "one", text, count=count)
-    part = "warned" if result.warnings else "odd"
+    part = "several" if len(odd) > 1 else "odd"
+    part = "warned" if result.warnings else part
     return answer(about, part, count=odd, first=odd[0])
 
 
