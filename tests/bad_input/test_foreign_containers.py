@@ -67,10 +67,11 @@ def test_arrays_of_other_shapes_are_refused(change, sentence, arrays):
 def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
     turned = {k: v.T for k, v in arrays.items()}
     path = tmp_path / "log"
+    npz = path.with_suffix(".npz")
     for content in (arrays, turned, {"run": {"t": arrays["t"], "q": arrays["q"]}, **arrays}):
         savemat(path.with_suffix(".mat"), content)
         flat = {k: v for k, v in content.items() if k != "run"}
-        np.savez(path.with_suffix(".npz"), **flat)
+        np.savez(npz, **flat)
         for suffix in (
             ".npz",
             *((".mat",) if content is not turned and "run" not in content else ()),
@@ -83,25 +84,26 @@ def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
         same(Log.read(path.with_suffix(".mat"), known), arrays)
     named = {**{k: v[:, ::-1] if v.ndim == 2 else v for k, v in arrays.items()},
              "joints": np.array(JOINTS[::-1])}  # fmt: skip
-    np.savez(path.with_suffix(".npz"), **named)
-    log = Log.read(path.with_suffix(".npz"), known)
+    np.savez(npz, **named)
+    log = Log.read(npz, known)
     same(log, arrays)
     assert log.notes == ()
-    out = refused("analyze", "two-link", path.with_suffix(".npz"), "--map", "shoulder=x")
+    out = refused("analyze", "two-link", npz, "--map", "shoulder=x")
     assert "no column shoulder.q, shoulder.tau" in out
 
 
 def test_containers_without_a_log_are_refused_by_name(arrays, known, tmp_path):
     path = tmp_path / "log"
-    np.savez(path.with_suffix(".npz"), a=arrays["q"])
+    npz = path.with_suffix(".npz")
+    np.savez(npz, a=arrays["q"])
     with pytest.raises(LogError, match=r"has no array 't' of times \[s\]; it holds a"):
-        Log.read(path.with_suffix(".npz"), known)
-    np.savez(path.with_suffix(".npz"), t=arrays["t"], q=arrays["q"][:50], tau=arrays["tau"])
+        Log.read(npz, known)
+    np.savez(npz, t=arrays["t"], q=arrays["q"][:50], tau=arrays["tau"])
     with pytest.raises(LogError, match=r"of 200 times .* other sizes have q 50×2"):
-        Log.read(path.with_suffix(".npz"), known)
-    np.savez(path.with_suffix(".npz"), t=np.array([{}], object))
+        Log.read(npz, known)
+    np.savez(npz, t=np.array([{}], object))
     with pytest.raises(LogError, match=r"holds something else than arrays of numbers and text"):
-        Log.read(path.with_suffix(".npz"), known)
+        Log.read(npz, known)
     path.with_suffix(".mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform" + bytes(600))
     with pytest.raises(LogError, match=r"version 7\.3 \(HDF5\), .*'-v7'\), or write CSV"):
         Log.read(path.with_suffix(".mat"), known)

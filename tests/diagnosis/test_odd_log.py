@@ -44,6 +44,15 @@ CHANGES = {"effects": ["payload", "coulomb_friction", "torque_offset"], "forward
 CHANGES |= {"quick": True}
 
 
+@pytest.fixture
+def logs(logs_of):
+    return list(logs_of("two-link")[:4])
+
+
+def find_changes(logs):
+    return diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
+
+
 def gripped(log, since):
     """A log with a mass of .5 kg in the hand from a time on."""
     robot = Robot.load("two-link")
@@ -57,8 +66,7 @@ def gripped(log, since):
     return replace(log, tau=log.tau + own * late[:, None])
 
 
-def test_a_mass_gripped_in_the_middle_of_a_log_is_told_with_its_instant_and_left_out(logs_of):
-    logs = list(logs_of("two-link")[:4])
+def test_a_mass_gripped_in_the_middle_of_a_log_is_told_with_its_instant_and_left_out(logs):
     since = 0.6 * np.ptp(logs[1].t)
     logs[1] = gripped(logs[1], since)
     d = diagnose("two-link", logs[:3], logs[3:], **CHANGES)
@@ -79,38 +87,35 @@ def test_a_mass_gripped_in_the_middle_of_a_log_is_told_with_its_instant_and_left
 
 
 @pytest.mark.parametrize("size", [0.5, 5.0])
-def test_a_brake_that_drags_for_seconds_is_told_however_large(logs_of, size):
+def test_a_brake_that_drags_for_seconds_is_told_however_large(logs, size):
     """What a large one leaves in whatever it is not fitted to is no noise."""
-    logs = list(logs_of("two-link")[:4])
     t = logs[2].t - logs[2].t[0]
     begin = 0.3 * t[-1]
     end = 0.6 * t[-1]
     more = size * np.tanh(20 * np.gradient(logs[2].q[:, 1], t)) * ((t > begin) & (t < end))
     logs[2] = replace(logs[2], tau=logs[2].tau + np.outer(more, [0.0, 1.0]))
-    (change,) = diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
+    (change,) = find_changes(logs)
     assert (change.log, change.place) == (logs[2].name, "elbow")
     assert ("coulomb_friction", "elbow") in ((change.family, change.place), *change.rivals)
     assert abs(change.start - logs[2].t[0] - begin) < 0.7
     assert abs(change.stop - logs[2].t[0] - end) < 0.7
 
 
-def test_logs_in_which_nothing_changes_say_nothing(logs_of):
-    logs = list(logs_of("two-link")[:4])
-    assert not diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
+def test_logs_in_which_nothing_changes_say_nothing(logs):
+    assert not find_changes(logs)
 
 
-def test_friction_that_warms_up_through_a_session_is_no_change_at_an_instant(logs_of):
-    logs = list(logs_of("two-link")[:4])
+def test_friction_that_warms_up_through_a_session_is_no_change_at_an_instant(logs):
     begun = 0.0
     for k, log in enumerate(logs):
         t = log.t - log.t[0]
         dry = 0.3 * np.exp(-(begun + t) / 8) * np.tanh(20 * np.gradient(log.q[:, 1], t))
         logs[k] = replace(log, tau=log.tau + np.outer(dry, [0.0, 1.0]))
         begun += t[-1]
-    assert not diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
+    assert not find_changes(logs)
 
 
 def test_short_logs_of_two_parts_of_time_say_nothing(logs_of):
     """There is one way in which each may have changed, as a whole."""
     logs = [log.rows(0, len(log) // 6, log.name) for log in logs_of("two-link")[:4]]
-    assert not diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
+    assert not find_changes(logs)

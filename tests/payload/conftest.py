@@ -45,12 +45,15 @@ def logs(name, load=None, seed=0, size=0.01, extra=None, scale=1.0):
     return [replace(log, name=f"{log.name}, {seed}") for log in made]
 
 
-@pytest.fixture(scope="session")
+session_fixture = pytest.fixture(scope="session")
+
+
+@session_fixture
 def make_logs():
     return logs
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def weigh(planted):
     """Return the torque that holds the arm at rest, and that of the planted load."""
 
@@ -64,7 +67,7 @@ def weigh(planted):
     return torque
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def moves():
     return campaign
 
@@ -74,12 +77,12 @@ def fitted(name):
     return analyze(name, logs(name, seed=1)[0], replicates=50, cad_prior=0.0)
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def fit():
     return lambda name: fitted(name).fit
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def planted():
     return PlantedLoad(
         1.52, np.array([0.02, -0.03, 0.1]), np.diag([0.012, 0.014, 0.009]) + 0.002 * cross()

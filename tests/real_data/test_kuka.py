@@ -1,6 +1,6 @@
 """KUKA LWR4+, three runs of the real arm: the known held-out errors come out."""
 
-from functools import cache
+from functools import cache, partial
 
 import pytest
 
@@ -9,30 +9,38 @@ from identifiability.foundation.findings import of_key
 from identifiability.foundation.runs import Run
 from identifiability.logs.prepare.preparation import choose_cutoff
 
+module_fixture = pytest.fixture(scope="module")
 
-@pytest.fixture(scope="module")
+
+@module_fixture
 def kuka(study):
     return study("kuka_lwr4")
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def folder(data):
     return data("kuka_lwr4")
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def robot(kuka, folder):
     return kuka.load_robot(folder)
 
 
-@pytest.fixture(scope="module")
+@module_fixture
+def load(kuka, folder, robot):
+    """A function of the number of a run: its log."""
+    return partial(kuka.load_log, folder, robot)
+
+
+@module_fixture
 def fitted(kuka, folder, robot):
     return cache(
         lambda train, processing, method: kuka.fit(folder, robot, train, processing, method)
     )
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def errors(kuka, fitted):
     """A function (train, validate, model, processing, method) -> held-out errors [%]."""
 
@@ -63,7 +71,7 @@ def test_friction_and_offsets_bring_the_extrapolation_from_37_to_13_percent(erro
     assert errors(1, 3, method="ols")["relative"] < 0.4 * alone
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def analysis(kuka, folder):
     return kuka.run_analysis(folder, 1, "wls")
 
@@ -74,19 +82,19 @@ def test_rank_is_43_rigid_plus_21_friction_and_offsets_plus_5_rotors(analysis):
     assert all(m.estimate.determined.all() for m in analysis.models)
 
 
-def test_the_masses_of_the_file_keep_a_slow_program_from_another_reading(kuka, folder, robot):
+def test_the_masses_of_the_file_keep_a_slow_program_from_another_reading(robot, load):
     # As exchanged joints it fits 19 % better, by a robot of a fifteenth of the mass.
     run = Run()
-    case = Case(robot, kuka.load_log(folder, robot, 1), "none")
+    case = Case(robot, load(1), "none")
     assert case.data(case.first_structure(run), run).confirmed is None
 
 
-def test_a_slow_program_is_not_low_passed_below_5_hz(kuka, folder, robot, errors, monkeypatch):
+def test_a_slow_program_is_not_low_passed_below_5_hz(kuka, robot, load, errors, monkeypatch):
     for cutoff, factor in [(1.4, 36), (5, 20)]:
         how = kuka.Preparation(cutoff=cutoff, decimate=factor)
         monkeypatch.setitem(kuka.PROCESSINGS, f"low-passed at {cutoff} Hz", (False, kuka.END, how))
     # Ten times the bandwidth of run 1 is 1.4 Hz, which takes away what tells rotors from links.
-    log = kuka.load_log(folder, robot, 1)
+    log = load(1)
     assert choose_cutoff(robot, [log], None).outputs == 5.0
     rotors = {
         cutoff: errors(1, 3, "with rotor inertia", f"low-passed at {cutoff} Hz")["relative"]
@@ -95,24 +103,24 @@ def test_a_slow_program_is_not_low_passed_below_5_hz(kuka, folder, robot, errors
     assert rotors[1.4] > 1.5 * rotors[5]
 
 
-def test_names_are_probable_and_do_not_depend_on_rounding(kuka, folder, robot):
+def test_names_are_probable_and_do_not_depend_on_rounding(robot, load):
     """Rounding once chose the noise, and names judged joint by joint had probability 1e-9."""
-    found = diagnose(robot, kuka.load_log(folder, robot, 1), forward=False)
+    found = diagnose(robot, load(1), forward=False)
     assert {e.name for e in found.effects} == {"position_torque", "sigmoid_friction"}
     assert min(e.weight for e in found.effects) > 0.01
 
 
 @pytest.mark.everything
-def test_a_name_that_harms_unseen_motion_is_left_out(kuka, folder, robot):
+def test_a_name_that_harms_unseen_motion_is_left_out(robot, load):
     """Ten names made the error on run 3 larger, 8.6 to 9.4 %, and six of them make it smaller."""
-    narrow, wide = (kuka.load_log(folder, robot, run) for run in (1, 3))
+    narrow, wide = map(load, (1, 3))
     d = diagnose(robot, [narrow], [wide], forward=False)
     assert d.held_after < d.held_before
 
 
 @pytest.mark.everything
-def test_a_wider_motion_is_no_other_load(kuka, folder, robot):
+def test_a_wider_motion_is_no_other_load(robot, load):
     """A load of 0.27 kg explains a part of the error on run 3, but less than half of its square."""
-    narrow, wide = (kuka.load_log(folder, robot, run) for run in (1, 3))
+    narrow, wide = map(load, (1, 3))
     found = analyze(robot, narrow, wide, replicates=0)
     assert not of_key(found.hints, "held_out_load")

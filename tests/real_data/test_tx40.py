@@ -7,48 +7,50 @@ import pytest
 
 pytestmark = pytest.mark.everything
 
+module_fixture = pytest.fixture(scope="module")
 
-@pytest.fixture(scope="module")
+
+@module_fixture
 def tx40(study):
     return study("staubli_tx40")
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def folder(data):
     return data("staubli_tx40")
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def robot(tx40, folder):
     return tx40.load_robot(folder)
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def log(tx40, folder, robot):
     return tx40.load_log(folder, robot)
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def published(tx40, folder):
     return tx40.read_published(folder)
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def analysis(tx40, folder):
     return tx40.run_analysis(folder, "wls")
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def base(analysis):
     return analysis.base
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def ours(tx40, folder, base):
     return cache(lambda processing, method: tx40.fit_ours(folder, base, processing, method))
 
 
-@pytest.fixture(scope="module")
+@module_fixture
 def compared(tx40, ours, base, published):
     """A function (processing, method) -> table of the published parameters and ours."""
 
@@ -109,7 +111,7 @@ def test_all_published_values_but_friction_agree_within_their_own_uncertainty(co
     assert (well["ratio"] - 1).abs().max() < 0.05
 
 
-@pytest.mark.parametrize("method", [pytest.param("ols", marks=pytest.mark.everything), "wls"])
+@pytest.mark.parametrize("method", ["ols", "wls"])
 def test_the_log_treated_as_published_gives_all_published_values(
     tx40, folder, base, published, method
 ):

@@ -66,8 +66,10 @@ GEAR = """
 <keyframe><key name="home" qpos="0 0.1 0"/></keyframe></mujoco>
 """
 
+session_fixture = pytest.fixture(scope="session")
 
-@pytest.fixture(scope="session")
+
+@session_fixture
 def make(tmp_path_factory):
     """A function (MJCF text, sidecar text) -> Robot."""
 
@@ -80,22 +82,22 @@ def make(tmp_path_factory):
     return build
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def polar(make):
     return make(POLAR)
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def pair(make):
     return make(PAIR, COUPLED)
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def gear(make):
     return make(GEAR)
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def tables():
     """The texts of the robots, for tests that change them."""
     return SimpleNamespace(POLAR=POLAR, PAIR=PAIR, GEAR=GEAR)
@@ -111,7 +113,7 @@ def swing(t, joints):
     return q, v, a
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def move():
     """A function (robot, t) -> Motion; at the first sample all joints stand still."""
 
@@ -123,7 +125,7 @@ def move():
     return along
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def columns():
     """A function (robot, motion, text) -> {parameter name: (unit, column (N, n))} of an effect."""
 
@@ -175,7 +177,7 @@ def gear_torque(q, v, a):
     return (turn + ratio * follow + lift * 4 * (rise_a + G))[:, None]
 
 
-@pytest.fixture(scope="session")
+@session_fixture
 def by_hand():
     """The robots' torques, written out."""
     return SimpleNamespace(polar=polar_torque, pair=pair_torque, gear=gear_torque, swing=swing)

@@ -31,6 +31,10 @@ def merged(*topics):
     return out.sort_values("t", ignore_index=True)
 
 
+def positions_and_torques(q, tau):
+    return merged(topic(q, "q"), topic(tau, "tau"))
+
+
 def deviation(log, kind):
     true = channel(log.t, kind)
     return np.abs(getattr(log, kind) - true).max() / np.abs(true).max()
@@ -39,7 +43,7 @@ def deviation(log, kind):
 def test_fast_positions_are_taken_at_the_times_of_slow_torques():
     q = 0.002 * np.arange(4000) + 0.0007
     tau = 0.01 * np.arange(790) + 0.0031
-    log = Log.from_frame(merged(topic(q, "q"), topic(tau, "tau")), "log")
+    log = Log.from_frame(positions_and_torques(q, tau), "log")
     assert_array_equal(log.t, tau)
     assert deviation(log, "q") < 1e-9
     assert deviation(log, "tau") == 0.0
@@ -51,7 +55,7 @@ def test_fast_positions_are_taken_at_the_times_of_slow_torques():
 def test_fast_torques_are_taken_at_the_times_of_slow_positions():
     q = 0.01 * np.arange(800)
     tau = 0.002 * np.arange(4000) + 0.0007
-    log = Log.from_frame(merged(topic(q, "q"), topic(tau, "tau")), "log")
+    log = Log.from_frame(positions_and_torques(q, tau), "log")
     assert_array_equal(log.t, q[1:])  # between the first torque and the last
     assert deviation(log, "q") == 0.0
     assert 0 < deviation(log, "tau") < 1e-4
@@ -82,7 +86,7 @@ def test_nothing_is_put_into_a_gap_of_a_column():
     q = 0.002 * np.arange(4000)
     tau = 0.01 * np.arange(790) + 0.0005
     q = q[(q < 3.0) | (q > 3.5)]
-    log = Log.from_frame(merged(topic(q, "q"), topic(tau, "tau")), "log")
+    log = Log.from_frame(positions_and_torques(q, tau), "log")
     assert not ((log.t > 3.0) & (log.t < 3.5)).any()
     assert np.diff(log.t).max() == pytest.approx(0.51, abs=0.011)
 
@@ -133,7 +137,7 @@ def test_logs_of_one_rate_stay_as_they_are():
 
 def test_single_empty_cells_are_broken_rows_still_but_of_torque_they_leave_an_equation_out():
     t = 0.001 * np.arange(1000)
-    frame = merged(topic(t, "q"), topic(t, "tau"))
+    frame = positions_and_torques(t, t)
     frame.loc[17, "a.tau"] = np.nan
     unmeasured = Log.from_frame(frame, "log").unmeasured
     assert np.argwhere(unmeasured).tolist() == [[17, 0]]
@@ -142,7 +146,7 @@ def test_single_empty_cells_are_broken_rows_still_but_of_torque_they_leave_an_eq
         IdentifiabilityError, match=r"column 'a.q' is not a finite number in 1 of 1000"
     ):
         Log.from_frame(frame, "log")
-    text = merged(topic(t, "q"), topic(t, "tau")).astype({"b.tau": object})
+    text = positions_and_torques(t, t).astype({"b.tau": object})
     text.loc[:600, "b.tau"] = "none"
     with pytest.raises(IdentifiabilityError, match=r"column 'b.tau' is not a finite number"):
         Log.from_frame(text, "log")
@@ -152,7 +156,7 @@ def test_a_long_file_of_several_rates_is_read_as_a_short_one(tmp_path, read_long
     path = tmp_path / "log.parquet"
     q = 0.002 * np.arange(4000) + 0.0007
     tau = 0.01 * np.arange(790) + 0.0031
-    merged(topic(q, "q"), topic(tau, "tau")).to_parquet(path)
+    positions_and_torques(q, tau).to_parquet(path)
     short = Log.read(path)
     long = read_long(path)
     assert long.notes == short.notes
