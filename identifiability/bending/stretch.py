@@ -100,8 +100,9 @@ class Stretch:
         self.log = log
         self.robot = structure.robot
         self.piece = piece
-        self.step = sampling_step(piece.motion.t)
-        passed = piece.motion.t - piece.motion.t[0]
+        t = piece.motion.t
+        self.step = sampling_step(t)
+        passed = t - t[0]
         #: Samples at which deflections are those of the motion, (N,) bool.
         self.settled = passed >= min(SETTLE, passed[-1] / 4.0)
         parameters = structure.parameters

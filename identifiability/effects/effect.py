@@ -122,8 +122,9 @@ def list_entries(effect: Effect, robot: Robot, motion: Motion) -> Iterator[tuple
     # The samples of a column lie side by side: columns are written and read one by one.
     width = len(effect.parameters(robot))
     columns = np.zeros((len(robot.actuated), width, len(motion)))
-    fill_measured(effect, robot, motion, columns.transpose(2, 0, 1))
-    columns = motion.freed(columns.transpose(2, 0, 1)).transpose(1, 2, 0)
+    by_sample = columns.transpose(2, 0, 1)
+    fill_measured(effect, robot, motion, by_sample)
+    columns = motion.freed(by_sample).transpose(1, 2, 0)
     for joint, column in np.argwhere(columns.any(2)).tolist():
         yield joint, column, columns[joint, column]
 
@@ -691,12 +692,12 @@ class Placed(Effect):
 
     def shapes(self, robot: Robot) -> dict[str, float]:
         """Return the shapes of all parts."""
-        return {
-            name: shape
-            for effect, taken in self._taken(robot)
-            for name, shape in effect.shapes(robot).items()
-            if name in {f"{p.owner}.{self.name}" for p in taken.values()}
-        }
+        shapes = dict[str, float]()
+        for effect, taken in self._taken(robot):
+            names = {f"{p.owner}.{self.name}" for p in taken.values()}
+            every = effect.shapes(robot)
+            shapes |= {name: shape for name, shape in every.items() if name in names}
+        return shapes
 
     def _taken(self, robot: Robot) -> list[tuple[Effect, dict[int, Parameter]]]:
         """Return the effect of each part with the parameters that are the part's, by column.

@@ -312,9 +312,10 @@ def list_cutoffs(windows: Sequence[Window], how: CommonPreparation) -> Iterator[
     """Yield cut-offs [Hz] from the widest one down to the band of the slowest joint."""
     assert how.cutoff is not None
     joints = range(windows[0].data.shape[1])
-    bands = [
-        max(bandwidth_of_windows([x.log.q[:, [j]]], x.plan.step) for x in windows) for j in joints
-    ]
+    bands = []
+    for j in joints:
+        own = [bandwidth_of_windows([x.log.q[:, [j]]], x.plan.step) for x in windows]
+        bands.append(max(own))
     lowest = min((band for band in bands if band > 0), default=how.cutoff)
     cutoff = how.cutoff
     yield cutoff

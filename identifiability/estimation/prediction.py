@@ -402,8 +402,11 @@ def _ratio(part: Array, whole: Array | float) -> Array:
 
 def sum_errors(measured: Iterable[tuple[Array, np.ndarray]], predicted: Array) -> Array:
     """Return sums of errors and of their squares, by kind of torque and its data, (2, 2, n, m)."""
-    each = [np.abs(tau[:, :, None] - predicted) * data[:, :, None] for tau, data in measured]
-    return np.array([[error.sum(0), (error**2).sum(0)] for error in each])
+    sums = []
+    for tau, data in measured:
+        error = np.abs(tau[:, :, None] - predicted) * data[:, :, None]
+        sums.append([error.sum(0), (error**2).sum(0)])
+    return np.array(sums)
 
 
 #: Stretches that are resampled for an interval: more than for folds, because each counts

@@ -119,7 +119,8 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     first = _keys_of(problems[0]["loc"])
     within = (p for p in problems if _keys_of(p["loc"])[: len(first)] == first)
     problem = max(within, key=lambda p: len(_keys_of(p["loc"])))  # of several types the likeliest
-    *above, last = _keys_of(problem["loc"]) or ("",)
+    keys = _keys_of(problem["loc"])
+    *above, last = keys or ("",)
     where = ".".join(map(str, (*above, last)))
     if problem["type"] == "extra_forbidden":
         known = _known_keys(schema, above)
@@ -127,7 +128,7 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
             f"'{where}' is not a key that is known here{near_match(str(last), known)} "
             f"The keys are {listing(known, 20)}."
         )
-    here = [p["msg"] for p in problems if _keys_of(p["loc"]) == _keys_of(problem["loc"])]
+    here = [p["msg"] for p in problems if _keys_of(p["loc"]) == keys]
     said = [text.removeprefix("Value error, ") for text in dict.fromkeys(here)]
     told = f"{', or '.join(text[0].lower() + text[1:] for text in said)}."
     return f"'{where}': {told}" if where else told  # without a key it is of the whole file

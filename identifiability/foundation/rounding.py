@@ -204,7 +204,10 @@ def join(names: list[str] | Strings, most: int = 6) -> str:
     """Return ``a, b and c``, or the first few and how many more."""
     if len(names) > most:
         return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    if len(names) < 2:
+        return "".join(names)
+    first = ", ".join(names[:-1])
+    return f"{first} and {names[-1]}"
 
 
 def superscript(power: int) -> str:
@@ -297,13 +300,14 @@ def design_effect(events: Array, among: Array) -> float:
     """Return the ratio of the variance of a share to that of independent events; else 0."""
     trials = len(events)
     size = among.sum(1).astype(float)
+    rows = size.sum()
     count = (events & among).sum(1).astype(float)
-    share = count.sum() / size.sum()
-    independent = share * (1 - share) / size.sum()
+    share = count.sum() / rows
+    independent = share * (1 - share) / rows
     if not independent > 0 or trials < 2:
         return 0.0
     left = count - share * size
-    variance = left @ left / size.sum() ** 2 * trials / (trials - 1)
+    variance = left @ left / rows**2 * trials / (trials - 1)
     return float(variance / independent)
 
 

@@ -867,17 +867,18 @@ def _kind(name: str) -> str:
 
 def rename(name: str, known: Conventions) -> str:
     """Return a column by its new name, or by its joint's."""
-    whole = known.columns.apply(name)
-    if whole != name or not known.columns:
+    renames = known.columns
+    whole = renames.apply(name)
+    if whole != name or not renames:
         return whole
     plain, _ = split_unit(name)
-    parts = [known.columns.apply(part) for part in plain.split("/")]
+    parts = [renames.apply(part) for part in plain.split("/")]
     cut = _CHANNEL_LAST.fullmatch(parts[-1])
     owner, _, end = parts[-1].rpartition(".")
     if owner and _CHANNELS_SAY.issuperset(words_of(end)):
-        parts[-1] = f"{known.columns.apply(owner)}.{end}"
+        parts[-1] = f"{renames.apply(owner)}.{end}"
     elif cut and cut["kind"].casefold() in _CHANNELS_SAY:
-        parts[-1] = known.columns.apply(cut["joint"]) + cut["between"] + cut["kind"]
+        parts[-1] = renames.apply(cut["joint"]) + cut["between"] + cut["kind"]
     return "/".join(parts) + name[len(plain) :]
 
 

@@ -89,9 +89,10 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
     for is_odd, why in ((looks_like_degrees, _DEGREES), (_beyond, _TICKS)):
         odd = [k for k in bounded if is_odd(columns[k], *robot.limits[k])]
         is_enough = windows[0].commanded and is_odd is _beyond and bool(odd)
-        if is_enough or 2 * len(odd) > len(bounded):
+        most = 2 * len(odd) > len(bounded)
+        if is_enough or most:
             joint, (low, high) = windows[0].joints[odd[0]], robot.limits[odd[0]]
-            stated = '"*"' if 2 * len(odd) > len(bounded) else toml_key(joint)
+            stated = '"*"' if most else toml_key(joint)
             raise LogError(
                 f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "
                 f"{low:.4g} … {high:.4g} rad: it {why} state the scale of ticks or normalised "

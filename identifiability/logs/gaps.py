@@ -242,18 +242,19 @@ class Gaps:
         ------
         LogError
         """
+        count = len(self)
         steps = self.length / self.step
         apart = np.abs(steps - np.rint(steps))
         # Whole up to this share of a step, which of uneven steps a quarter is: else no
         # clock.
-        whole = len(self) and float(np.median(apart)) < 0.125
+        whole = count and float(np.median(apart)) < 0.125
         # Few gaps, however long, split a log into stretches: pauses, or windows of a long log.
-        often = len(self) > RULES.small * samples
+        often = count > RULES.small * samples
         # More gaps are lost samples only where half of them are whole steps.
-        many = len(self) > 0.25 * samples
+        many = count > 0.25 * samples
         if (often and self.lost.sum() > samples) or (many and not whole):
             raise LogError(
-                f"{self.name} is sampled so unevenly (every {samples / len(self):.2g}th step is "
+                f"{self.name} is sampled so unevenly (every {samples / count:.2g}th step is "
                 f"longer than the usual {self.step:.3g} s, the first after t = {self.t[0]:.6g} s) "
                 "that no velocity can be computed: give the times at which samples were measured, "
                 "not those at which they arrived, or measured velocities and accelerations."
@@ -315,10 +316,11 @@ class Grid:
 
 def fill(x: Array, at: Array) -> Array:
     """Return x (N, …), sampled at the steps `at` (N,) int, at every step, by cubics."""
-    if at[-1] + 1 == len(at):
+    length = at[-1] + 1
+    if length == len(at):
         return x
-    wide = np.zeros((at[-1] + 1, *x.shape[1:]))
-    missing = np.ones(at[-1] + 1, bool)
+    wide = np.zeros((length, *x.shape[1:]))
+    missing = np.ones(length, bool)
     wide[at] = x
     missing[at] = False
     return interpolate(wide, missing)

@@ -108,11 +108,12 @@ def gather(pieces: Iterable[Mapping[str, Array]]) -> dict[str, Any]:
 
 def _mapped(file: Any, rows: int, like: Array) -> Array:
     """Return the rows in a file that are like others."""
-    if 0 in like.shape[1:]:
-        return np.empty((rows, *like.shape[1:]), like.dtype)
+    shape = like.shape[1:]
+    if 0 in shape:
+        return np.empty((rows, *shape), like.dtype)
     stored = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     _MAPS.add(stored)
-    return np.frombuffer(stored, like.dtype).reshape(rows, *like.shape[1:])
+    return np.frombuffer(stored, like.dtype).reshape(rows, *shape)
 
 
 def forget() -> None:

@@ -45,7 +45,8 @@ def held_since(t: Array, changes: Array) -> Array:
     if len(rows) < RULES.fewest:
         return t
     dt = sampling_step(t)
-    apart = np.diff(t[rows])
+    seen = t[rows]
+    apart = np.diff(seen)
     uneven = 2 * float(np.quantile(np.abs(np.diff(t) - dt), 0.99)) + ROUNDOFF
     # A row sees a value late by up to a row, so two successive values may seem far apart.
     usual = apart[apart <= np.median(apart) + dt + uneven].mean()
@@ -53,13 +54,13 @@ def held_since(t: Array, changes: Array) -> Array:
         is_next = apart <= usual + dt + uneven
         counts = np.where(is_next, 1.0, np.rint(apart / usual))
         number = np.append(0.0, np.cumsum(counts))
-        usual, first = np.polyfit(number, t[rows], 1)
-    behind = t[rows] - usual * number - first
+        usual, first = np.polyfit(number, seen, 1)
+    behind = seen - usual * number - first
     behind -= behind.min()
     out = t.copy()
     if usual > dt + uneven >= behind.max():
         waited = np.where(behind > uneven, behind, 0.0)
-        out[rows] = np.maximum(t[rows] - waited, t[rows - 1])
+        out[rows] = np.maximum(seen - waited, t[rows - 1])
     return out
 
 

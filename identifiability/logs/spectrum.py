@@ -112,7 +112,10 @@ class Spectrum:
     def bandwidths(self) -> Array:
         """Return below which frequency 99 % of each velocity's energy lies, (n,) [Hz]."""
         energy = np.cumsum(self.motion * self._slope(self.order - 1), axis=0)
-        reach = [self.f[np.searchsorted(e, 0.99 * e[-1])] if e[-1] > 0 else 0.0 for e in energy.T]
+        reach = []
+        for e in energy.T:
+            at = np.searchsorted(e, 0.99 * e[-1])
+            reach.append(self.f[at] if e[-1] > 0 else 0.0)
         return np.array(reach)
 
     def acceleration(self, below: float) -> Array:

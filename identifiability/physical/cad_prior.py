@@ -418,11 +418,14 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
     parameters : mapping
         Standard parameters by name; empty where no physically consistent values were found.
     """
-    return [
-        {"body": b, "mass": sum(own), "mass_file": float(robot.nominal.get(f"{b}.m", 0.0))}
-        for b in robot.bodies
-        if (own := [parameters[n] for n in (f"{b}.m", f"{b}.payload_m") if n in parameters])
-    ]
+    rows = []
+    for body in robot.bodies:
+        names = (f"{body}.m", f"{body}.payload_m")
+        masses = [parameters[name] for name in names if name in parameters]
+        nominal = float(robot.nominal.get(f"{body}.m", 0.0))
+        if masses:
+            rows.append({"body": body, "mass": sum(masses), "mass_file": nominal})
+    return rows
 
 
 def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
@@ -451,25 +454,25 @@ def find_rises(real: Mapping[str, Any], kind: str) -> dict[str, tuple[float, flo
         "fitted": ("error_ra_files", "error_ra_given_files"),
         "unseen": ("error_ra_validation_files", "error_ra_validation_given_files"),
     }
-    return find_larger(
-        {
-            rows: (real.get(written, {}).get(kind), real.get(stated, {}).get(kind))
-            for rows, (written, stated) in names.items()
-        }
-    )
+    errors = {
+        rows: (real.get(written, {}).get(kind), real.get(stated, {}).get(kind))
+        for rows, (written, stated) in names.items()
+    }
+    return find_larger(errors)
 
 
 def find_larger(
     errors: Mapping[str, tuple[float | None, float | None]],
 ) -> dict[str, tuple[float, float]]:
     """Return the pairs whose first error is larger than the second, with evidence."""
-    return {
-        rows: (new, before)
-        for rows, (new, before) in errors.items()
-        if new is not None
-        and before is not None
-        and new > (1.0 + LEVELS.rise) * before + LEVELS.least_rise
-    }
+    larger = {}
+    for rows, (new, before) in errors.items():
+        if new is None or before is None:
+            continue
+        limit = (1.0 + LEVELS.rise) * before + LEVELS.least_rise
+        if new > limit:
+            larger[rows] = new, before
+    return larger
 
 
 def real_robot_dict(

@@ -156,7 +156,10 @@ class PhysicalSet:
     def constraints(self) -> tuple[str, ...]:
         """Names of the constraints of each body and of each of the m rows, (nb + m,) str."""
         own = [*zip(self.names, self.bodies, strict=True)]
-        within = [" + ".join(name for name, at in own if row[at].any()) for row, _ in self.bounds]
+        within = []
+        for row, _ in self.bounds:
+            members = [name for name, at in own if row[at].any()]
+            within.append(" + ".join(members))
         signs = [f"{self.columns[k]} ≥ 0" for k in self.signed]
         return (*self.names, *signs, *(f"[bounds] of {names}" for names in within))
 

@@ -210,11 +210,12 @@ def _reasons(
 ) -> tuple[str, ...]:
     reasons = []
     worst = int(np.argmax(np.nan_to_num(found.rhat, nan=np.inf)))
-    if np.isposinf(found.rhat[worst]):
+    rhat = found.rhat[worst]
+    if np.isposinf(rhat):
         reasons.append(f"The chains of {names[worst]} never moved.")
-    elif not found.rhat[worst] <= limits.rhat:
+    elif not rhat <= limits.rhat:
         reasons.append(
-            f"The ensembles disagree: nested R-hat of {names[worst]} is {found.rhat[worst]:.3f} "
+            f"The ensembles disagree: nested R-hat of {names[worst]} is {rhat:.3f} "
             f"(at most {limits.rhat:g}); sample longer."
         )
     for ess, where in ((found.ess_bulk, "bulk"), (found.ess_tail, "tail")):

@@ -259,11 +259,10 @@ class Target:
         """The Gaussian part in coordinates ``eta``."""
         U, s, _ = self.rotation
         rank = _numerical_rank(self.seen)
-        gain = np.zeros(len(self.axes))
+        gain, signal = np.zeros((2, len(self.axes)))
         gain[:rank] = s[:rank]
         tempered = None if self.variance is None else self.variance * self.iact
         seen = (self.data.z - self.data.R @ self.origin) @ U
-        signal = np.zeros(len(self.axes))
         signal[:rank] = seen[:rank]
         # Noise-free data leave nothing to estimate a variance from.
         floor = 1e-6 * self.data.unit**2

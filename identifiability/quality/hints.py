@@ -172,7 +172,8 @@ def find_off(logs: MeasuredLogs) -> list[Finding]:
     places = []
     for log in logs.recordings:
         rows = log.shown
-        parts = [part for part in np.array_split(np.arange(len(rows.t)), 100) if len(part)]
+        split = np.array_split(np.arange(len(rows.t)), 100)
+        parts = [part for part in split if len(part)]
         level = np.array([rows.tau[part].mean(0) for part in parts])
         # Currents of drives that are off read zero, up to a twentieth of the usual torque.
         quiet = (np.abs(level) < 0.05 * np.sqrt((level**2).mean(0))).all(1)
@@ -288,9 +289,10 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
 def find_unheld(logs: MeasuredLogs) -> list[Finding]:
     """Return a finding if neither a closed contact nor a measured force carries the robot."""
     robot = logs.robot
+    base = robot.base
     some = logs.motion
-    fall = 0.0 if robot.base is None else float(np.linalg.norm(robot.base.gravity))
-    if robot.base is None or not (fall and logs.weighs):
+    fall = 0.0 if base is None else float(np.linalg.norm(base.gravity))
+    if base is None or not (fall and logs.weighs):
         return []
     closed = np.zeros((len(some), 0)) if some.touch is None else some.touch[:, 3:]
     free = ~(closed > 0.5).any(1)
@@ -303,7 +305,7 @@ def find_unheld(logs: MeasuredLogs) -> list[Finding]:
     share = float(work / needed_work)
     if share > 0.5:
         return []
-    which = "wrenches" if robot.base.wrenches else "closed" if robot.base.contacts else "nothing"
+    which = "wrenches" if base.wrenches else "closed" if base.contacts else "nothing"
     cause = phrase("unheld", "opposite" if share < -0.5 else "less")
     percent = {"share": 100 * held.mean(), "held": 100 * share}
     why = phrase("unheld", which, name=robot.name, cause=cause, **percent)

@@ -234,18 +234,14 @@ def _mend(log: Log, origin: int, wrong: Mapping[str, list[Spike]]) -> Log:
 
 def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
     found = sorted((s.row, name, s) for name, spikes in wrong.items() for s in spikes)
-    where = [
-        phrase(
-            "spikes",
-            "value",
-            row=row + 1,
-            column=name,
-            t=float(log.t[row]),
-            value=s.value,
-            instead=s.instead,
+    where = []
+    for row, name, s in found:
+        t = float(log.t[row])
+        where.append(
+            phrase(
+                "spikes", "value", row=row + 1, column=name, t=t, value=s.value, instead=s.instead
+            )
         )
-        for row, name, s in found
-    ]
     key = "spikes" if found[-1][0] else "first_row"
     return Finding(
         key,

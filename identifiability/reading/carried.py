@@ -96,17 +96,18 @@ class CarriedReading:
         arrays = {name: getattr(entry, name) for name in LISTS}
         texts = {name: getattr(entry, name) for name in TEXTS + NUMBERS}
         literal = Reading.literal(robot)
+        other = ModelError(Finding("reading.other"))
         try:
             for name, array in arrays.items():
                 arrays[name] = np.reshape(array, np.shape(getattr(literal, name)))
         except ValueError:
-            raise ModelError(Finding("reading.other")) from None
+            raise other from None
         permutes = np.array_equal(np.sort(arrays["order"]), literal.order)
         if not (permutes and arrays["factor"].all()):
-            raise ModelError(Finding("reading.other"))
+            raise other
         sides = np.array(entry.link_side, bool)
         if len(sides) not in (0, len(literal.order)):
-            raise ModelError(Finding("reading.other"))
+            raise other
         reading = Reading(**texts, **arrays, parameters=np.array(values), link_side=sides)
         return CarriedReading(reading, structure)
 
@@ -203,12 +204,12 @@ class CarriedReading:
         same_gravity = np.allclose(self.reading.gravity, self.structure.robot.gravity)
         other = structure
         value = base
-        free = np.zeros((len(base), 0))
+        none = free = np.zeros((len(base), 0))
         if not same_gravity:
             other, value, free = self._literal_model(structure, base)
         found = []
         for one, named in zip(read, literal, strict=True):
-            error = _relative_error(structure, one, base, np.zeros((len(base), 0)))
+            error = _relative_error(structure, one, base, none)
             literal_error = _relative_error(other, named, value, free)
             if literal_error <= RULES.error_ratio * error:
                 errors = {"error": error, "literal": literal_error}

@@ -57,14 +57,15 @@ def list_drives(rows: TorqueRows) -> list[Drive]:
     """Return the drives whose rotor the robot file states."""
     robot = rows.robot
     base = rows.structure.base
+    names = base.names
     drives = []
     for j, joint in enumerate(robot.joints):
         name = f"{joint}.{robot.inertia_parts[0]}"
         stated = robot.nominal.get(name, 0.0)
-        alone = name in base.names and len(base.terms(base.names.index(name))) == 1
-        rotor = base.names.index(name) if alone else -1
+        alone = name in names and len(base.terms(names.index(name))) == 1
+        rotor = names.index(name) if alone else -1
         friction = (f"{joint}.{kind}" for kind in FRICTION)
-        places = tuple(base.names.index(kind) for kind in friction if kind in base.names)
+        places = tuple(names.index(kind) for kind in friction if kind in names)
         if stated > 0 and places and rows.variation[j] > 0:
             drives.append(Drive(j, rotor, places, stated))
     return drives

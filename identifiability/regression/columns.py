@@ -175,7 +175,11 @@ def number(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return candidates whose columns are the first ones, in their order."""
     ends = np.cumsum([len(c.columns) for c in candidates]).tolist()
     pairs = zip(candidates, ends, strict=True)
-    return [replace(c, columns=tuple(range(end - len(c.columns), end))) for c, end in pairs]
+    numbered = []
+    for c, end in pairs:
+        columns = range(end - len(c.columns), end)
+        numbered.append(replace(c, columns=tuple(columns)))
+    return numbered
 
 
 def compute_entries(

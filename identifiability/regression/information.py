@@ -155,7 +155,8 @@ class ColumnProducts:
         Z = part.blocks.reshape(-1, part.blocks.shape[2])
         if len(Z) < count:
             rows = Z if part.basis is None else Z @ part.basis
-            own = np.pad(rows[:, -count:].T, ((0, 1), (0, 0)))
+            last = rows[:, -count:].T
+            own = np.pad(last, ((0, 1), (0, 0)))
             return ColumnProducts(place, None, own)
         total = np.pad(part.total[-count:, -count:], (0, 1))
         return ColumnProducts(place, total, np.zeros((count + 1, 0)))
@@ -535,7 +536,8 @@ class Information:
         corners = []
         for at, rows, owner in self._rows:
             weighted = roots[owner, None] * rows
-            factor = triangular_factor(np.vstack([weighted, np.zeros((len(at), len(at)))]))
+            padding = np.zeros((len(at), len(at)))
+            factor = triangular_factor(np.vstack([weighted, padding]))
             R[np.ix_(at[:-1], at)] = factor[:-1]
             corners.append(factor[-1, -1])
         R[-1, -1] = np.linalg.norm(corners)

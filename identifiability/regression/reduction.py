@@ -485,7 +485,8 @@ def model_entry(submodel: Submodel, structure: Structure) -> ModelEntry:
         for i, c in enumerate(submodel.columns)
     }
     gone = [k for k in range(len(base)) if not submodel.M[k].any()]
-    zero = [names[k] for k in gone if submodel.fixed[k] == 0]
+    fixed = {names[k]: float(submodel.fixed[k]) for k in gone}
+    zero = [name for name, value in fixed.items() if value == 0]
     tie = {c: m for c, m in members.items() if m != [c]}
     return ModelEntry(
         name=submodel.name,
@@ -493,7 +494,7 @@ def model_entry(submodel: Submodel, structure: Structure) -> ModelEntry:
         effects=list(model.texts),
         random=dict(model.random),
         zero=zero,
-        hold={names[k]: float(submodel.fixed[k]) for k in gone if submodel.fixed[k] != 0},
+        hold={name: value for name, value in fixed.items() if value != 0},
         tie=tie,
     )
 

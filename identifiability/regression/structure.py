@@ -136,11 +136,11 @@ class BaseParameters:
         """Return why a standard parameter is no base parameter; empty for any other name."""
         if name in self.without_effect:
             return "it never changes the torque of this robot."
-        groups = [
-            self.names[row]
-            for row in range(len(self))
-            if name in [parameter.name for _, parameter in self.terms(row)]
-        ]
+        groups = []
+        for row in range(len(self)):
+            members = [parameter.name for _, parameter in self.terms(row)]
+            if name in members:
+                groups.append(self.names[row])
         return explain_combination([] if name in self.names else groups)
 
     @cached_property
@@ -150,9 +150,9 @@ class BaseParameters:
         A sum of masses, diagonal inertias or friction levels with positive coefficients cannot be
         negative; a group with any other member can.
         """
-        return np.array(
-            [all(c > 0 and p.nonnegative for c, p in self.terms(r)) for r in range(len(self))], bool
-        )
+        rows = range(len(self))
+        signs = [all(c > 0 and p.nonnegative for c, p in self.terms(r)) for r in rows]
+        return np.array(signs, bool)
 
     def _repr_html_(self) -> str:
         total = len(self.parameters)
@@ -180,8 +180,9 @@ def group_columns(
     preference : sequence of int, optional
         Columns in the order of preference; by default as they come.
     """
-    preference = list(range(W.shape[1])) if preference is None else list(preference)
-    if W.shape[0] > W.shape[1]:
+    count = W.shape[1]
+    preference = list(range(count)) if preference is None else list(preference)
+    if W.shape[0] > count:
         W = triangular_factor(W)
     length = np.linalg.norm(W, axis=0)
     used = length > TINY * max(length.max(initial=0.0), 1e-300)
@@ -189,7 +190,7 @@ def group_columns(
     s = np.linalg.svd(scaled[:, used], compute_uv=False) if used.any() else np.empty(0)
     rank = int((s > RANK_TOLERANCE * s[0]).sum()) if len(s) else 0
     kept = scan_columns(scaled, [k for k in preference if used[k]])
-    G = np.zeros((len(kept), W.shape[1]))
+    G = np.zeros((len(kept), count))
     if kept:
         # Solved for scaled columns, so that units do not decide which digits survive.
         solved = np.linalg.lstsq(scaled[:, kept], scaled, rcond=None)[0]
@@ -286,7 +287,8 @@ def known_rows(C: Array, sd: Array) -> Array:
     if not random.any():
         return np.empty((0, len(C)))
     outside = null_space(C[:, ~random].T) if not random.all() else np.eye(len(C))
-    length = np.linalg.norm(columns := outside.T @ (C[:, random] * sd[random]), axis=1)
+    columns = outside.T @ (C[:, random] * sd[random])
+    length = np.linalg.norm(columns, axis=1)
     unit = or_one(length)[:, None]
     return np.linalg.pinv(columns / unit, rcond=RANK_TOLERANCE) @ (outside.T / unit)
 

@@ -267,7 +267,8 @@ def section_correlated(fit: Fit) -> Section:
     pairs = np.argwhere(np.abs(rho) > CONFUSED)
     if not len(pairs):
         return section("analysis.correlated", text=sentence("analysis.apart"))
-    strongest = sorted(pairs.tolist(), key=lambda at: -abs(rho[tuple(at)]))[:5]
+    ranked = sorted(pairs.tolist(), key=lambda at: -abs(rho[tuple(at)]))
+    strongest = ranked[:5]
     each = [
         f"{fit.names[i]} and {fit.names[j]} ({format_number(float(rho[i, j]), 2)})"
         for i, j in strongest
@@ -336,14 +337,18 @@ def _how(analysis: Analysis) -> Section:
     rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
     rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in logs]
     thinned = sentence("analysis.windows", "thinned", rows=kept) if seen < kept else ""
+    prepared = make_table("prepared", [_log_row(use, s) for use, s in logs])
+    thresholds = Fold(sentence("analysis.thresholds"), (Terms(GLOSSARY),))
+    provenance = Fold(sentence("analysis.provenance"), (make_table("provenance", rows),))
+    estimator = sentence("estimators", analysis.chosen.estimate.estimator.name)
     return section(
         "analysis.motion",
-        make_table("prepared", [_log_row(use, s) for use, s in logs]),
-        Fold(sentence("analysis.thresholds"), (Terms(GLOSSARY),)),
-        Fold(sentence("analysis.provenance"), (make_table("provenance", rows),)),
+        prepared,
+        thresholds,
+        provenance,
         seen=seen,
         thinned=thinned,
-        estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
+        estimator=estimator,
         out=len(analysis.held_out.log),
         kind=analysis.validation_kind,
     )
@@ -442,15 +447,13 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         effects=effects,
         **settings,
     )
-    return [
-        section_values(
-            ladder, sentence("pruning.survivors", "title"), sentence("values", "omitted")
-        ),
-        section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why")),
-        section_survivors(ladder),
-        None if ladder.nothing else section_correlated(ladder.fit),
-        section("pruning.method", Prose(tuple(text.values()))),
-    ]
+    title = sentence("pruning.survivors", "title")
+    values = section_values(ladder, title, sentence("values", "omitted"))
+    path = section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why"))
+    survivors = section_survivors(ladder)
+    correlated = None if ladder.nothing else section_correlated(ladder.fit)
+    method = section("pruning.method", Prose(tuple(text.values())))
+    return [values, path, survivors, correlated, method]
 
 
 def section_survivors(ladder: Ladder) -> Section:

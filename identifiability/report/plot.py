@@ -85,15 +85,10 @@ def reduction_path(result: Ladder) -> Figure:
     """
     held_out = bool(result.validation)
     name = "held-out logs" if held_out else "fitted stretches"
-    submodels = [
-        (
-            len(r),
-            r.unseen_by(0) if held_out else float(r.fitted.relative_error()[0]),
-            r.error_ra_unseen,
-            r.error_se,
-        )
-        for r in result.models
-    ]
+    submodels = []
+    for r in result.models:
+        error = r.unseen_by(0) if held_out else float(r.fitted.relative_error()[0])
+        submodels.append((len(r), error, r.error_ra_unseen, r.error_se))
     sizes, other, unseen, spread = np.array(submodels).T
     return draw_ladder(sizes, other, unseen, spread, result.selected, name, likely_sizes(result))
 

@@ -253,14 +253,15 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
     rests = {**stated.rests}
     numbers = {**stated.numbers}
     for entry in extra.axes:
-        check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
+        name = entry.name
+        check_known(path, f"axes.{name}.joints", entry.joints, known)
         moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
-        if found.get(entry.name) != moving:
-            rests.pop(entry.name, None)
-            numbers.pop(entry.name, None)
+        if found.get(name) != moving:
+            rests.pop(name, None)
+            numbers.pop(name, None)
         if moving:
-            found |= {entry.name: moving}
-        rests |= {} if entry.rest is None else {entry.name: entry.rest}
+            found |= {name: moving}
+        rests |= {} if entry.rest is None else {name: entry.rest}
     names = [*found, *(entry.name for entry in extra.axes)]
     odd = [name for name in names if name in taken]
     odd += [cable.name for cable in stated.cables if [*taken].count(cable.name) > 1]
@@ -327,17 +328,18 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     ------
     RobotError
     """
+    single = robot.tree.single
     names = extra.actuated if extra.actuated is not None else stated.driven
     if names is not None and stated.base is not None:
         names = [*BASE_JOINTS, *(n for n in names if n not in BASE_JOINTS)]
     pulling = {cable.name for cable in robot.cables}
-    names = [n for n in robot.tree.single if n not in pulling] if names is None else names
+    names = [n for n in single if n not in pulling] if names is None else names
     names = [name for name in names if name not in robot.locked]
     for name in names:
-        if name not in robot.tree.single:
+        if name not in single:
             raise RobotError(
                 f"{robot.path}: '{name}' cannot be actuated, as it is no joint that turns or slides"
-                f"{near_match(name, robot.tree.single)} Known: {listing(robot.tree.single)}. Write "
+                f"{near_match(name, single)} Known: {listing(single)}. Write "
                 "an actuated ball as three hinges in one body."
             )
     if not names:
@@ -347,18 +349,19 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
         )
     index = np.array([robot.dof_index(name) for name in names], int)
     dependent = np.setdiff1d(np.arange(robot.nv), index)
+    passive = len(dependent)
     robot = replace(robot, actuated=index, dependent=dependent)
     robot = stretch_home(replace(robot, home=_state_home(robot, extra)))
-    if not len(dependent) and not robot.equations:
+    if not passive and not robot.equations:
         return robot
     # Redundant equations contradict each other away from closed configurations.
-    enough = robot.equations >= len(dependent) > 0
+    enough = robot.equations >= passive > 0
     there = newton(robot, robot.home[None], most=0)
     closed = newton(robot, robot.home[None]) if enough else there
     count = count_independent((closed if closed.error[0] < ROUNDOFF else there).A[0])
-    if count > len(dependent):
+    if count > passive:
         raise RobotError(
-            f"{robot.path}: the loops give {count} independent equations for {len(dependent)} "
+            f"{robot.path}: the loops give {count} independent equations for {passive} "
             f"passive joints, so not all {len(index)} actuated joints are free; remove an actuator "
             "or a closure, or name the joints that have motors, in <actuator> of an MJCF or in the "
             f"sidecar: actuated = [{for_toml(names[0])}, …] (or give the lengths and angles of "
@@ -367,9 +370,9 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     posed = stated.posed or bool(set(extra.home) & set(robot.passive))
     if there.error[0] > RULES.home_open or (enough and closed.error[0] >= ROUNDOFF):
         robot = _close_home(robot, float(there.error[0]), closed, stated=posed)
-    if count < len(dependent):
+    if count < passive:
         _refuse_loose(robot, count)
-    if len(dependent) and not invert(closed.A[:, :, dependent])[1][0] * ROUNDOFF < 1:
+    if passive and not invert(closed.A[:, :, dependent])[1][0] * ROUNDOFF < 1:
         raise RobotError(
             f"The loops of {robot.path} do not determine {listing(robot.passive)} at its home "
             f"position {robot.describe_home()}: it is singular, or other joints are the actuated "

@@ -187,15 +187,15 @@ def _read_mimics(
 
 def _read_limits(model: Any, tree: Tree) -> dict[str, Any]:
     """Return limits, damping and dry friction of the joints with one axis, as `Stated` has them."""
-    single = tree.single
+    joints = tree.single.items()
     low = model.lowerPositionLimit
     high = model.upperPositionLimit
     friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
-    spans = {name: (float(low[j.iq]), float(high[j.iq])) for name, j in single.items()}
-    speeds = {name: float(model.velocityLimit[j.iv]) for name, j in single.items()}
+    spans = {name: (float(low[j.iq]), float(high[j.iq])) for name, j in joints}
+    speeds = {name: float(model.velocityLimit[j.iv]) for name, j in joints}
     numbers = {
         name: {"damping": float(model.damping[j.iv]), "frictionloss": float(friction[j.iv])}
-        for name, j in single.items()
+        for name, j in joints
     }
     return {
         "spans": spans,
@@ -228,13 +228,14 @@ def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
         kind = "floating"
     if kind != "floating":
         return root, top if base == "floating" else ""
+    carrier = first[0]
     if base == "fixed":
-        first[0].set("type", "fixed")
+        carrier.set("type", "fixed")
         return root, ""
-    root.remove(first[0])
+    root.remove(carrier)
     links = root.findall("link")
     root.remove(next(link for link in links if link.get("name") == top))
-    return root, first[0].get("name", "")
+    return root, carrier.get("name", "")
 
 
 #: Links without mass between the joints of a base that floats.

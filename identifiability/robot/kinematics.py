@@ -201,17 +201,18 @@ class Tree:
         """Return ``q ⊕ step`` for tangent steps (N, nv); ball joints turn in their own frame."""
         out = np.array(q)
         for j in self.joints:
+            k = j.iq
             dv = step[:, j.iv : j.iv + j.nv]
             if j.kind == "free":
-                quat = q[:, j.iq + 3 : j.iq + 7]
+                quat = q[:, k + 3 : k + 7]
                 turn = scipy.spatial.transform.Rotation.from_quat(quat)
-                out[:, j.iq : j.iq + 3] += turn.apply(dv[:, :3])
-                out[:, j.iq + 3 : j.iq + 7] = turned(quat, dv[:, 3:])
+                out[:, k : k + 3] += turn.apply(dv[:, :3])
+                out[:, k + 3 : k + 7] = turned(quat, dv[:, 3:])
             elif j.kind == "ball":
-                before = q[:, j.iq : j.iq + 4]
-                out[:, j.iq : j.iq + 4] = turned(before, dv)
+                before = q[:, k : k + 4]
+                out[:, k : k + 4] = turned(before, dv)
             else:
-                out[:, j.iq] += dv[:, 0]
+                out[:, k] += dv[:, 0]
         return out
 
     def frames(self, q: Array, joints: Iterable[int]) -> Frames:
@@ -300,11 +301,12 @@ class Tree:
 
 def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
     """Return the frame behind joint `j` from the frame (R, p) before it, q (nq, N)."""
+    position = q[j.iq]
     if j.kind == "prismatic":
-        return R, p + R[2] * q[j.iq]
+        return R, p + R[2] * position
     if j.kind == "revolute":
-        c = np.cos(q[j.iq])
-        s = np.sin(q[j.iq])
+        c = np.cos(position)
+        s = np.sin(position)
         out = np.empty((3, 3, q.shape[1]))
         out[0] = c * R[0] + s * R[1]
         out[1] = c * R[1] - s * R[0]
@@ -337,7 +339,8 @@ def _read_joint(path: Path, model: Any, index: int, still: Array) -> Joint:
         type_ = "revolute" if kind[0] == "R" else "prismatic"
         data = part.createData()
         part.calc(data, still)
-        axis = np.array(data.S).ravel()[3:] if kind[0] == "R" else np.array(data.S).ravel()[:3]
+        twist = np.array(data.S).ravel()
+        axis = twist[3:] if kind[0] == "R" else twist[:3]
     if not type_:
         raise RobotError(
             f"{path}: joint '{name}' is of a type ({kind}) that is not supported; use revolute, "

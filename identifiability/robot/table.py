@@ -191,30 +191,31 @@ def _check(source: str, table: Table) -> None:
     links = [BASE, *ends]
     joints = list[str]()
     for row in table.links:
-        above = [name for name in links if name not in ends]
+        name = row.name
+        above = [link for link in links if link not in ends]
         problem = ""
-        if row.name in links or row.joint in joints:
-            twice = row.name if row.name in links else row.joint
+        if name in links or row.joint in joints:
+            twice = name if name in links else row.joint
             problem = f"two of its links or joints are called '{twice}'; name each once."
         elif row.parent is not None and row.parent not in above:
             problem = (
-                f"the link '{row.name}' hangs on '{row.parent}', which is no link above it"
+                f"the link '{name}' hangs on '{row.parent}', which is no link above it"
                 f"{near_match(row.parent, above)} The links above it are {listing(above)}."
             )
         elif wrong := [key for key in odd if key in row.model_fields_set]:
             problem = (
-                f"the link '{row.name}' has '{wrong[0]}', which is not of the convention "
+                f"the link '{name}' has '{wrong[0]}', which is not of the convention "
                 f"'{table.convention}'; leave it out."
             )
         elif not any(row.axis) or not any(table.gravity):
-            problem = f"the axis of '{row.name}', or gravity, is zero; give its direction."
+            problem = f"the axis of '{name}', or gravity, is zero; give its direction."
         elif row.range is not None and row.joint is None:
-            problem = f"the link '{row.name}' has 'range' but no joint; name its joint."
+            problem = f"the link '{name}' has 'range' but no joint; name its joint."
         elif row.mass is None and (row.centre is not None or row.inertia is not None):
-            problem = f"the link '{row.name}' has a centre or an inertia but no mass; state it."
+            problem = f"the link '{name}' has a centre or an inertia but no mass; state it."
         if problem:
             raise RobotError(f"{source}: {problem}")
-        links.append(row.name)
+        links.append(name)
         if row.joint:
             joints += [row.joint]
 
@@ -226,18 +227,19 @@ def _urdf(table: Table, base: str = BASE) -> ET.Element:
     before = base
     ends = {base: base}
     for row in table.links:
+        name = row.name
         parent = ends[before if row.parent is None else row.parent]
         place = table.place(row)
         inside = pin.SE3.Identity()
         split = table.convention == "standard" and row.joint is not None
         if split:
             place, inside = inside, place
-        before = row.name
-        ends[row.name] = f"{row.name}_end" if split else row.name
-        _inertial(ET.SubElement(top, "link", name=row.name), row, inside)
+        before = name
+        ends[name] = f"{name}_end" if split else name
+        _inertial(ET.SubElement(top, "link", name=name), row, inside)
         kind: str = "fixed" if row.joint is None else row.type
         kind = "continuous" if kind == "revolute" and row.range is None else kind
-        made = urdf_joint(top, row.joint or f"{row.name}_fixed", kind, parent, row.name, place)
+        made = urdf_joint(top, row.joint or f"{name}_fixed", kind, parent, name, place)
         if row.joint is not None:
             ET.SubElement(made, "axis", xyz=numbers(np.array(row.axis)))
         if kind in ("revolute", "prismatic"):
@@ -245,8 +247,8 @@ def _urdf(table: Table, base: str = BASE) -> ET.Element:
             low, high = (f"{unit * x:.17g}" for x in row.range or (-1e6, 1e6))
             ET.SubElement(made, "limit", lower=low, upper=high, effort="0", velocity="0")
         if split:
-            ET.SubElement(top, "link", name=ends[row.name])
-            urdf_joint(top, ends[row.name], "fixed", row.name, ends[row.name], inside)
+            ET.SubElement(top, "link", name=ends[name])
+            urdf_joint(top, ends[name], "fixed", name, ends[name], inside)
     turn_base(top, np.array(table.gravity))
     return top
 

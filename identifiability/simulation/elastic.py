@@ -72,15 +72,16 @@ class Links:
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.mujoco = MujocoRobot(robot)
-        springs = robot.springs
-        self.stiffness = np.array([s.stiffness for s in springs.values()])
-        self.damping = np.array([s.damping for s in springs.values()])
+        springs = robot.springs.values()
+        self.stiffness = np.array([s.stiffness for s in springs])
+        self.damping = np.array([s.damping for s in springs])
         #: The m joints that bend.
-        self.joints = [robot.joints.index(joint) for joint in springs]
-        places = [self.mujoco.places[s.joint] for s in springs.values()]
+        self.joints = [robot.joints.index(joint) for joint in robot.springs]
+        places = [self.mujoco.places[s.joint] for s in springs]
         self.dofs, self.positions = np.array(places).T
         self.full = self.mujoco.home()
-        M, _ = self._dynamics(np.zeros(self.mujoco.size), np.zeros(self.mujoco.size))
+        still = np.zeros(self.mujoco.size)
+        M, _ = self._dynamics(still, still)
         fastest = np.sqrt((self.stiffness / np.diag(M)[self.dofs]).max())
         #: Step of the integration [s]: fifty for a period of the fastest spring.
         self.step = np.pi / (25.0 * float(fastest))

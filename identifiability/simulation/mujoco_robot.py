@@ -388,7 +388,10 @@ class MujocoRobot:
         # The change of the Jacobian along the motion, by differences of fourth order.
         h = 1e-3 / max(1.0, np.abs(v).max())
         steps = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
-        moved = [c / h * self._apart(self._moved(full, k * h * v))[1] @ v for k, c in steps.items()]
+        moved = []
+        for k, c in steps.items():
+            _, A = self._apart(self._moved(full, k * h * v))
+            moved.append(c / h * A @ v)
         columns = self._A[:, self.passive]
         total = np.sum(moved, 0)
         return np.linalg.lstsq(columns, -total, rcond=None)[0]

@@ -303,11 +303,12 @@ class Change:
         """
         if self.kind != "load" or not abs(self.sizes[0]) > REACH * self.sd[0]:
             return np.full(3, np.nan), np.full(3, np.nan)
-        mass, *first = self.sizes[: len(WEIGHT)]
+        count = len(WEIGHT)
+        mass, *first = self.sizes[:count]
         centre = np.array(first) / mass
         slopes = np.column_stack([-centre, np.eye(3)]) / mass
-        sd = self.sd[: len(WEIGHT)]
-        known = np.nan_to_num(self.covariance, posinf=0.0)[: len(WEIGHT), : len(WEIGHT)]
+        sd = self.sd[:count]
+        known = np.nan_to_num(self.covariance, posinf=0.0)[:count, :count]
         variance = np.where(np.isfinite(sd[1:]), np.diag(slopes @ known @ slopes.T), np.inf)
         return centre, np.sqrt(variance)
 

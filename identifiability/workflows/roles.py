@@ -89,9 +89,12 @@ def _find_motion(log: Log) -> tuple[int, int]:
     """
     if log.long:
         return 0, len(log)
-    little = RULES.moving * np.ptp(log.q, axis=0)
-    left = np.flatnonzero((np.abs(log.q - log.q[0]) > little).any(axis=1))
-    arrives = np.flatnonzero((np.abs(log.q - log.q[-1]) > little).any(axis=1))
+    q = log.q
+    little = RULES.moving * np.ptp(q, axis=0)
+    from_start = np.abs(q - q[0])
+    to_end = np.abs(q - q[-1])
+    left = np.flatnonzero((from_start > little).any(axis=1))
+    arrives = np.flatnonzero((to_end > little).any(axis=1))
     rests = len(left) > 0 and arrives[-1] < (1 - LAST / 2) * len(log)
     if not rests or arrives[-1] - left[0] < FEWEST:
         return 0, len(log)

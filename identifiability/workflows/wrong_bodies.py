@@ -150,7 +150,8 @@ def _weigh(off: Array, roots: list[Array], shape: Array, sizes: Array) -> Array:
         white = _whiten(root, np.column_stack([shape, off]))
         axes, lengths, _ = np.linalg.svd(white[:, :-1], full_matrices=False)
         grown = 1.0 + np.outer(sizes, lengths) ** 2
-        explained = (white[:, -1] @ axes) ** 2 * (1.0 - 1.0 / grown) - np.log(grown)
-        plain = white[:, -1] @ white[:, -1] + 2 * np.sum(np.log(np.diag(root)))
+        residual = white[:, -1]
+        explained = (residual @ axes) ** 2 * (1.0 - 1.0 / grown) - np.log(grown)
+        plain = residual @ residual + 2 * np.sum(np.log(np.diag(root)))
         found.append(0.5 * (explained.sum(axis=1) - plain))
     return LOG_PRIOR + logsumexp(found, axis=1) - np.log(len(sizes))

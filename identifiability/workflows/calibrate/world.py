@@ -572,9 +572,11 @@ def sample_anew(
         strict=True,
     )
     found = [measure_again(robot, log, own, how) for log, (_, own, how) in pairs]
-    return [
-        own
-        if own.instrument is None
-        else add_instrument(robot, log, own, always=True) or replace(own, instrument=own.motion)
-        for log, own in zip(again, found, strict=True)
-    ]
+    anew = []
+    for log, own in zip(again, found, strict=True):
+        sample = own
+        if own.instrument is not None:
+            instrumented = add_instrument(robot, log, own, always=True)
+            sample = instrumented or replace(own, instrument=own.motion)
+        anew.append(sample)
+    return anew

@@ -190,17 +190,18 @@ class Naming:
     @cached_property
     def completed(self) -> Structure:
         """The robot under the model with all parts; functions have their estimated variance."""
-        robot, model = self.problem.structure.robot, self.problem.plain.model
+        plain = self.problem.plain
+        robot, model = self.problem.structure.robot, plain.model
         random, own = dict(model.random), dict[str, list[EffectPart]]()
         for p, term in zip(self.parts, self.terms, strict=True):
-            if set(self.names([p])) <= set(self.problem.plain.columns):
+            if set(self.names([p])) <= set(plain.columns):
                 continue
             own.setdefault(p.candidate.family.name, []).append(p.candidate.part)
             if p.candidate.family.flexible:
                 sd = np.sqrt(term.variance) / self.model.scale[term.columns]
                 random |= dict(zip(self.names([p]), sd.tolist(), strict=True))
-        if not own and self.problem.plain.robot is robot:
-            return self.problem.plain
+        if not own and plain.robot is robot:
+            return plain
         texts = ([_write_part(robot, part) for part in some] for some in own.values())
         added = map(Placed, own.values(), texts)
         return Structure.of(robot, Model((*model.effects, *added), random))

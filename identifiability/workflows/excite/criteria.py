@@ -112,12 +112,11 @@ class Discrimination:
     def squares(self, G: Array) -> Array:
         """Return the non-centrality of each ask, (asks, m)."""
         unit, length = scaled(G)
-        return np.array(
-            [
-                np.min([self._outside(unit, length, ask, own) for own in ask.others], axis=0)
-                for ask in self.asks
-            ]
-        )
+        squares = []
+        for ask in self.asks:
+            outside = [self._outside(unit, length, ask, other) for other in ask.others]
+            squares.append(np.min(outside, axis=0))
+        return np.array(squares)
 
     def _outside(self, unit: Array, length: Array, ask: Ask, other: np.ndarray) -> Array:
         """Return the squares of an effect outside of the model and other columns, (m,)."""
@@ -297,13 +296,14 @@ def _place_effect(robot: Robot, text: str) -> Effect:
 
 def _find_parameters(base: BaseParameters, names: Sequence[str] | None) -> np.ndarray:
     """Return the base columns of parameters, all for None."""
-    found = list(base.names) if not names else []
+    members = base.names
+    found = list(members) if not names else []
     for text in names or ():
-        named = find_named(text, base.names)
+        named = find_named(text, members)
         if not named:
             raise ModelError(
-                f"'{text}' is no base parameter{near_match(text, base.names)} "
-                f"The base parameters are {listing(base.names)}."
+                f"'{text}' is no base parameter{near_match(text, members)} "
+                f"The base parameters are {listing(members)}."
             )
         found += named
-    return np.array([base.names.index(name) for name in dict.fromkeys(found)], int)
+    return np.array([members.index(name) for name in dict.fromkeys(found)], int)

@@ -287,9 +287,10 @@ class Excitation(Result):
         motion = self.play(rate, periods)
         joints = self.limits.joints
         each = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
-        if Path(path).suffix.lower() == ".mcap":
+        ending = Path(path).suffix.lower()
+        if ending == ".mcap":
             return write_trajectory_bag(path, joints, motion)
-        if Path(path).suffix.lower() == ".npz":
+        if ending == ".npz":
             packed = BytesIO()
             np.savez(packed, t=motion.t, q=motion.q, dq=motion.dq, ddq=motion.ddq, joints=joints)
             return write_bytes(path, packed.getvalue())
