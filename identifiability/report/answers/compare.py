@@ -103,9 +103,10 @@ class ComparisonPresenter(AnsweringPresenter):
             without = "".join(f" --without {path_for_shell(path)}" for path in result.before)
             weigh = f"payload {self.robot} analyze.json {logs} {body}{without} --report load.html"
             fit = self._fit_line(result.before)
+            # The load is more exact under a model with the effects that it lacks, as of `payload`.
             return [
-                command("fit_and_weigh", f"{fit} && identifiability {weigh}"),
                 *self._diagnose(),
+                command("fit_and_weigh", f"{fit} && identifiability {weigh}"),
             ]
         now = f"{self._fit_line(result.after)} --report report.html"
         return [command("fit_now", now), *self._diagnose()]
@@ -400,7 +401,7 @@ def _least(number: Unchanged) -> str:
 def _state_seen(result: Comparison) -> str:
     """Return the least load and the least change of friction that would show at every place.
 
-    Numbers of which not even a loss would show are named, and the offset that may be missed.
+    Numbers of which not even a loss would show are named, and the offset that shows least.
     """
     about = "comparison.seen"
     names = [x.what for x in result.unchanged if _is_hidden(x)]
@@ -411,10 +412,9 @@ def _state_seen(result: Comparison) -> str:
     below = told.pop("offset", "")
     if not told:
         return sentence(about, "blind", names=names) if names else ""
-    missed = [*(sentence(about, "any", what=name) for name in names[:NAMED]), below]
-    seen = sentence(about, "shown", each=" or ".join(told.values()))
-    but = sentence(about, "missed", names=[*filter(None, missed)]) if any(missed) else ""
-    return join_sentences(capital(seen), capital(but))
+    but = sentence(about, "but", names=names) if names else ""
+    seen = sentence(about, "shown", each=" or ".join(told.values()), but=but)
+    return join_sentences(capital(seen), below)
 
 
 def _state_evidence(change: Change, *, only: bool) -> str:
