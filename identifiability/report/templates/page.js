@@ -77,11 +77,12 @@ function fitTable(box) {
   table.classList.toggle("cards", wide && phone.matches);
   box.classList.toggle("wide", wide && !phone.matches);
 }
-// Of many cards the first ones are shown; of many rows those around the marked one, and the first.
+// Of many cards the first ones are shown; of many rows those around the marked one, and the first,
+// but never all but one.
 for (const button of document.querySelectorAll(".all-rows")) {
   const table = button.closest(".table");
   const rows = table.querySelectorAll("tbody tr").length;
-  table.classList.toggle("short", rows > 12 && document.querySelector(".part") !== null);
+  table.classList.toggle("short", rows > 13 && document.querySelector(".part") !== null);
   if (table.querySelector(".marked")) countHidden(table);
   button.addEventListener("click", () => table.classList.add("all"));
 }
