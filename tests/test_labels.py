@@ -41,7 +41,7 @@ def test_an_interval_holds_what_was_planted_wherever_a_sign_is_certain(found):
 def test_a_mass_that_an_offset_of_its_slider_could_be_is_identifiable_without_it(found):
     reasons = {v.name: v.reason for v in found.chosen.verdicts}
     assert "if slider3 has no torque offset" in reasons["leg3_upper.m"]
-    said = "an offset of slider3 looks like the combination leg3_upper.m"
+    said = "an offset of slider3 from leg3_upper.m (a combination)"
     assert said in of_key(found.hints, "excluded_offsets")[0]
     assert "torque_offset" in found.next()[0][1] or found.missing.functions
 
@@ -64,7 +64,7 @@ def test_an_offset_of_the_model_needs_no_second_one(monkeypatch):
 
 def test_one_value_has_one_error_and_a_reason_where_exports_get_another(found, tmp_path):
     report = found.write_report(tmp_path / "report.html").read_text()
-    assert report.count("an offset of slider3 looks like") == 1
+    assert report.count("an offset of slider3 from") == 1
     rows = found.to_dict()["parameters"]
     (page,) = (t for t in found.tables() if t.long)
     pairs = list(zip(found.chosen.verdicts, rows, strict=True))

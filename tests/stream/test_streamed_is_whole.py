@@ -98,7 +98,7 @@ def test_dwells_whatever_the_pieces(piece, window, sizes, few_windows, frame_of,
                 still.loc[still.index[rows], column] = still[column].iloc[start]
     path = saved(still)
     whole = found("two-link", path, Preparation(cutoff=20.0))
-    assert "a fit leaves out torque of joints at rest" in "".join(whole[1][0])
+    assert "a fit skips joints while they stand still" in "".join(whole[1][0])
     assert ("windows" in "".join(whole[1][0])) == (window is not None)
     sizes(piece=piece, shortest=1700, rows=piece // 2, characters=40 * piece)
     assert_same(whole, found("two-link", path, Preparation(cutoff=20.0)))

@@ -478,10 +478,10 @@ class Dataset:
         rest = {j: k for j, k in zip(joints, rests.tolist(), strict=True) if k > 0}
         if rest:
             shares = (f"{j} {percent(k / self.survey.outputs)}" for j, k in rest.items())
-            rows = sum(rest.values())
-            columns = tuple(f"{j}.tau" for j in rest)
-            where = ", ".join(shares)
-            notes.append(Finding("standing", self.name, rows=rows, columns=columns, where=where))
+            told: dict[str, Any] = {"rows": sum(rest.values()), "where": ", ".join(shares)}
+            told["columns"] = tuple(f"{j}.tau" for j in rest)
+            told["share"] = max(rest.values()) / self.survey.outputs
+            notes.append(Finding("standing", self.name, **told))
         return notes
 
 

@@ -19,7 +19,16 @@ from identifiability.workflows.case_file import FILE, CaseFile
 from identifiability.workflows.inspect import required_columns
 
 from .commands import name_logs, robot_word, validate_options
-from .common import NAMED, AnsweringPresenter, Command, answer, command, hint_note, sentence
+from .common import (
+    NAMED,
+    VISIBLE,
+    AnsweringPresenter,
+    Command,
+    answer,
+    command,
+    hint_note,
+    sentence,
+)
 from .tables import make_table, span_cell
 
 if TYPE_CHECKING:
@@ -154,6 +163,7 @@ def _answer_content(result: Inspection) -> Iterator[Answer]:
     rates = dict.fromkeys(format_number(x, 3) for x in (clocks.rate.min(), clocks.rate.max()))
     joints: Any = pd.concat([r.joints for r in result.records], ignore_index=True)
     apart = [x for x in result.findings if "left out" in x.done and x.subject]
+    apart = [x for x in apart if x.numbers.get("share", VISIBLE) >= VISIBLE]
     logs = [*dict.fromkeys(x.subject for x in apart)]
     # The shares of each log are in the ledger.
     what = [*dict.fromkeys(x.partition(": ")[0] for x in apart)]
