@@ -196,7 +196,7 @@ def set_symbols(text: str) -> Markup:
         escaped,
     )
     escaped = re.sub(r"(?<=\b[xyz]) (?=−?\d)|(?<=&lt;) (?=\d)| (?=&lt; \d)", "\u00a0", escaped)
-    escaped = re.sub(r" ([±…]) (?=−?\d)", "\u00a0\\1\u00a0", escaped)
+    escaped = re.sub(r" ([±…=]) (?=−?\d)", "\u00a0\\1\u00a0", escaped)
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
     escaped = re.sub(r"≠ file −?[\d.]+", r"<b>\g<0></b>", escaped)
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))

@@ -29,6 +29,7 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     LEVEL,
     REACH,
+    error_text,
     format_number,
     join,
     measured,
@@ -126,17 +127,15 @@ class LadderedPresenter(PredictingPresenter):
             kind=result.validation_kind,
             interval=state_interval(result.held_out),
         )
-        crossed, free = self.compare_errors()
-        text = join_sentences(measured_on, crossed)
-        more = join_sentences(more, free)
+        text = join_sentences(measured_on, *self.compare_errors())
         error = self.answer_error(text, more, raw=result.left_out["raw"])
         if result.moved is not None:
             error = result.moved.lead(error)
         return use, error, answer_doubt(result)
 
     def compare_errors(self) -> tuple[str, str]:
-        """Return the errors that text and details compare; here nothing."""
-        return "", ""
+        """Return the error of the estimates, and what else the error is compared with."""
+        return state_estimated(self.result.chosen), ""
 
     def commands(self) -> list[Command]:
         """Return at most three lines for the terminal, the most useful first."""
@@ -369,6 +368,18 @@ def state_nearest(model: ModelResult) -> str:
     return sentence("laddered.statement", "nearest", near=near, free=model.unseen_by(0))
 
 
+def state_estimated(model: ModelResult, full: str = "") -> str:
+    """Return the error of the values as estimated, where the stated one is of exported values.
+
+    `full` is that of all parameters, in words.
+    """
+    free = model.unseen_by(0)
+    same = error_text(free) == error_text(model.error_ra_validation)
+    if same or not (np.isfinite(free) and is_nearly_real(model)):
+        return f"{capital(full)}." if full else ""
+    return sentence("quality", "exported", free=free, full=f" ({full})" if full else "")
+
+
 def _state_left_out(result: Laddered[Any]) -> str:
     """Return which rows the error leaves out, as they have no weight."""
     left = result.left_out
@@ -558,10 +569,17 @@ def _state_in_doubt(result: Laddered[Any]) -> str:
         return ""
     effects = Counter(filter(None, (alternatives.names[k] for k in doubted)))
     ((effect, _),) = effects.most_common(1) or [("", 0)]
-    names = name_values([chosen.verdicts[k].name for k in doubted])
+    names = [chosen.verdicts[k].name for k in doubted]
     lacks = effect in result.missing.functions  # the headline says it
-    may = "" if lacks else sentence("trust", "may", effect=effect)
-    return effect and sentence("trust", "doubted", names=names, effect=may)
+    may = "" if lacks else _state_effect(result, effect, names)
+    return effect and sentence("trust", "doubted", names=name_values(names), effect=may)
+
+
+def _state_effect(result: Laddered[Any], effect: str, names: Sequence[str]) -> str:
+    """Return which effect that may be missing would change values, with its probability."""
+    chances = [s.weigh(names) for s in result.missing.shares if describe_term(s.term) == effect]
+    odds = "".join(sentence("trust", "chance", chance=max(each)) for each in chances[:1])
+    return sentence("trust", "may", names=name_values(names), effect=effect, odds=odds)
 
 
 def _state_measurement(result: Laddered[Any]) -> str:

@@ -360,9 +360,12 @@ def _state_untried(d: Diagnosis) -> str:
 def _state_law(d: Diagnosis, e: NamedEffect) -> str:
     """Return the equation of an effect with the shape of its curve; nothing without one shape."""
     shapes = [*filter(None, (_state_shape(d, e.name, p) for p in e.placements))]
-    equation = find_family(e.name).effect.equation
+    family = find_family(e.name)
+    # A level over Coulomb friction is easily read as the whole static friction.
+    over = f", on top of {title_of(family.needs)}" if family.needs == "coulomb_friction" else ""
+    holes = {"equation": family.effect.equation, "over": over}
     return "".join(
-        sentence("diagnosis.missing", "law", equation=equation, shape=shape) for shape in shapes[:1]
+        sentence("diagnosis.missing", "law", shape=shape, **holes) for shape in shapes[:1]
     )
 
 

@@ -19,6 +19,7 @@ from .analyze import (
     error_tables,
     is_nearly_real,
     model_row,
+    state_estimated,
     state_nearest,
 )
 from .common import answer, capital, join_sentences, note, sentence
@@ -72,14 +73,13 @@ class LadderPresenter(LadderedPresenter):
         return replace(found, more=join_sentences(why, rule, others))
 
     def compare_errors(self) -> tuple[str, str]:
-        """Return the errors of the model to use and of all parameters, as of the figure."""
+        """Return the errors of the model to use and of all parameters, as of table and figure."""
         result = self.result
-        errors = [m.unseen_by(0) for m in (result.chosen, result.full)]
-        if result.nothing or not np.isfinite(errors).all() or result.chosen is result.full:
-            return "", ""
-        size = len(result.full)
-        free = sentence("pruning.use", "free", error=errors[0], full=errors[1], size=size)
-        return _state_cost(result), free
+        error = result.full.unseen_by(0)
+        if result.nothing or not np.isfinite(error) or result.chosen is result.full:
+            return super().compare_errors()
+        full = sentence("quality", "full", full=error, size=len(result.full))
+        return state_estimated(result.chosen, full), _state_cost(result)
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and that the choice is stable if it is."""
