@@ -155,7 +155,7 @@ def test_python_says_the_same(verb, study):
     scale_torque(study, "joint_4", 0.0)
     found = verb("robot.urdf", list(RUNS[:2]), RUNS[2], quick=True)
     for text in (found.statement, " ".join(found.summary().split()), found._repr_html_()):
-        assert re.search(r"joint_4\.tau(&#39;|') =\s0 in every", text)
+        assert re.search(r"joint_4\.tau(&#39;|')\s=\s0 in every", text)
         assert not UNRESERVED.search(text)
     # Of three logs with one fault it is said once.
     assert sum("joint_4.tau" in text for text in found.warnings) == 1
