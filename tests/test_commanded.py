@@ -3,6 +3,7 @@
 import re
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -45,6 +46,7 @@ from identifiability.servos import (
 )
 from identifiability.servos.descent import BEGUN, descend
 from identifiability.servos.fit import divide_gains, leave_bounds
+from identifiability.servos.odd_joints import state_held_out_limits
 from identifiability.servos.rollouts import are_contradicted
 from identifiability.servos.windows import cut_windows
 from identifiability.simulation.rollout import CommandedRobot
@@ -230,6 +232,16 @@ def test_a_limit_that_only_a_held_out_log_reaches_is_said(arm):
     logs = [draw(arm, 6.0, x, how, rng, TRUTH, limited) for x in (0.2, 0.6)]
     (said,) = of_key(analyze(arm, *logs, quick=True).hints, "held_out_limit")
     assert "'elbow' gets about 39.5 N·m" in said
+
+
+def test_a_limit_is_stated_with_a_quoted_key():
+    robot = SimpleNamespace(joints=("left arm",), torque_units=("N·m",))
+    asked = np.repeat([1.0, 10.0], [90, 10])[:, None]
+    residual = np.where(asked > 4, 6.0, 0.01)
+    recording = SimpleNamespace(rows=np.arange(100), moves=asked > 0, residual=residual)
+    held_out, fitted = (SimpleNamespace(name="run3", tau=tau) for tau in (asked, asked[:90]))
+    (said,) = state_held_out_limits(robot, held_out, recording, [fitted])
+    assert '{"left arm" = 4}' in said
 
 
 def record_hobby_arm(folder, fault=servos.NONE, moving=6, **asked):

@@ -223,13 +223,13 @@ class Servo:
 
 
 def state_gain(value: float, sd: float) -> str:
-    """Return a gain with its error (95 %), or with that logs do not determine it."""
+    """Return a gain with its error (95 %), or with the note that it is not determined."""
     half = REACH * sd
     return measured(value, half) if half < value else f"{format_number(value, 2)} (not determined)"
 
 
 def list_gains(told: Mapping[str, tuple[float, float]], joint: str) -> list[str]:
-    """Return the gains of a joint that logs told, each with its error (95 %).
+    """Return the gains of a joint that logs determine, each with its error (95 %).
 
     Parameters
     ----------

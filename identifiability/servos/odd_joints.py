@@ -10,6 +10,7 @@ import numpy as np
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
+from identifiability.foundation.quoting import toml_key
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -313,8 +314,9 @@ def state_held_out_limits(
         lacking = recording.residual[used, j] * np.sign(torque)
         limit = _find_limit(asked, asked - lacking, highest[j], CLEAR * noise[j])
         if limit > highest[j]:
-            most = {"limit": limit, "asked": asked.max(), "unit": robot.torque_units[j]}
-            yield Finding("held_out_limit", log=log.name, joint=joint, **most)
+            told = {"limit": limit, "asked": asked.max(), "unit": robot.torque_units[j]}
+            names = {"log": log.name, "joint": joint, "key": toml_key(joint)}
+            yield Finding("held_out_limit", **names, **told)
 
 
 def _find_limit(asked: Array, given: Array, least: float, clear: float) -> float:
@@ -376,7 +378,7 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
     joints = [robot.joints[j] for j in at]
     rows = list(zip(joints, value.tolist(), sd.tolist(), strict=True))
     fitted = [f"{joint} {x:.4g} ± {by:.2g}" for joint, x, by in rows]
-    stated = ", ".join(f"{joint} = {x:.4g}" for joint, x, _ in rows)
+    stated = ", ".join(f"{toml_key(joint)} = {x:.4g}" for joint, x, _ in rows)
     said = {"key": kind, "fitted": listing(fitted, 12), "stated": stated}
     then = phrase("odd_joint", "off" if kind == "play" else "used", **said)
     play = joints if kind == "play" else []

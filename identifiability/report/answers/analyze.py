@@ -92,7 +92,7 @@ FRAME = (
 
 
 def _state_gains(result: Laddered[Any]) -> str:
-    """Return the servo gains that the logs told, each with its error; empty without any."""
+    """Return the servo gains that the logs determine, each with its error; empty without any."""
     pairs = ((joint, list_gains(result.fit.servo, joint)) for joint in result.robot.joints)
     each = [f"{joint} {', '.join(own)}" for joint, own in pairs if own]
     return sentence("laddered.measured", "gains", each=each) if each else ""
@@ -134,7 +134,7 @@ class LadderedPresenter(PredictingPresenter):
         return use, error, answer_doubt(result)
 
     def compare_errors(self) -> tuple[str, str]:
-        """Return the error of the estimates, and what else the error is compared with."""
+        """Return the error of the estimates, and the errors that it is compared with."""
         return state_estimated(self.result.chosen), ""
 
     def commands(self) -> list[Command]:
