@@ -187,6 +187,15 @@ def test_a_tool_that_the_file_lacks_is_asked_for_and_a_wrong_mass_is_that_of_its
     wrong = {n: 1.3 * x for n, x in robot.nominal.items() if n.startswith("link_3.")}
     (said,) = analyze(robot.with_values(wrong), log, "none", replicates=0).warnings
     assert "link_3 is 22 % (± 2 %) lighter than stated" in said
+    assert "buoyancy" in said
+    heavy = simulate(
+        robot.with_values(wrong), random_trajectory(robot, default_rng(1), samples=600)
+    )
+    (said,) = analyze(
+        robot, replace(log, tau=6 * log.tau - 5 * heavy.tau), "none", replicates=0
+    ).warnings
+    assert "link_3 would need a mass below zero" in said
+    assert "link_3 has" not in said
 
 
 def test_a_torque_offset_that_the_model_lacks_blames_no_body(arm):

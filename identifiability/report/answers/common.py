@@ -568,13 +568,12 @@ def state_contradicted(
     far = _of_bodies(base, submodel) & (sigmas > RULES.contradicted)
     each = [_state_wrong_bodies(wrong)] if wrong.hypotheses else []
     reach = _list_reach(fit.structure, submodel)
-    if (far & matters).any():
-        # A value that the file states as zero is small beside its body.
-        share = off / np.maximum(size, reach)
-        for k in np.argsort(-sigmas * share).tolist():
-            if far[k]:
-                both = [stated_text(float(x[k]), float(sigma[k])) for x in (stated, values)]
-                each.append(f"{_state_both(submodel, base, k, both)} ({sigmas[k]:.0f} σ)")
+    listed = np.flatnonzero(far) if (far & matters).any() else np.empty(0, int)
+    # A value that the file states as zero is small beside its body.
+    share = off[listed] / np.maximum(size, reach)[listed]
+    for k in listed[np.argsort(-sigmas[listed] * share)].tolist():
+        both = [stated_text(float(x[k]), float(sigma[k])) for x in (stated, values)]
+        each.append(f"{_state_both(submodel, base, k, both)} ({sigmas[k]:.0f} σ)")
     if not each:
         return []
     effects = [text for family, text in missing if family in LIKE_WEIGHT]
@@ -582,7 +581,9 @@ def state_contradicted(
     springs = [place for place, kind in wrong.hypotheses if kind == "spring"]
     impossible = bool((far & matters & large).any())
     advice = _advise(wrong, last_bodies(fit.robot), effects, impossible=impossible)
-    look = phrase("contradicted", "at" if springs else "anywhere", joints=springs)
+    floats = wrong.change <= 0 and bool((np.abs(values) < np.abs(stated))[listed].all())
+    where = "at" if springs else "floats" if floats else "anywhere"
+    look = phrase("contradicted", where, joints=springs)
     commanded = bool(fit.servo)
     return [Finding("contradicted", values=each, advice=advice, look=look, commanded=commanded)]
 
@@ -596,7 +597,7 @@ def _advise(
     heavier = wrong.hypotheses[0][0] if wrong.change > 0 else ""
     if heavier in last:  # a tool has values that the body alone cannot have
         return phrase("contradicted", "tool", body=heavier)
-    if impossible:
+    if impossible or wrong.change < -1:
         return phrase("contradicted", "impossible")
     sprung = any(kind == "spring" for _, kind in wrong.hypotheses)
     return phrase("contradicted", "sprung") if sprung else "Correct"
@@ -634,14 +635,16 @@ def _list_reach(structure: Structure, submodel: Submodel) -> Array:
 
 def _state_wrong_bodies(wrong: WrongBodies) -> str:
     """Return which body has wrong values, and by how much its mass is wrong."""
-    names = list[str]()
+    named = dict[tuple[str, bool], str]()
     for place, kind in wrong.hypotheses:
         part: str = "other" if kind == "mass" else kind
-        if kind == "mass" and not names:
-            part = "heavier" if wrong.change > 0 else "lighter"
+        if kind == "mass" and not named:
+            lighter = "lighter" if wrong.change > -1 else "negative"
+            part = "heavier" if wrong.change > 0 else lighter
         holes = {"place": place, "share": abs(wrong.change), "sd": wrong.sd}
-        names.append(phrase("contradicted", part, **holes))
-    return " or ".join(dict.fromkeys(names))
+        # The likeliest error of a body stands for its others; a joint may share its name.
+        named.setdefault((place, kind == "spring"), phrase("contradicted", part, **holes))
+    return " or ".join(named.values())
 
 
 def _of_bodies(base: BaseParameters, submodel: Submodel) -> Array:
