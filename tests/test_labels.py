@@ -9,6 +9,7 @@ import pytest
 from identifiability import Robot, analyze, new_study
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.rounding import format_measured
+from identifiability.report.values_table import joint_values, offset_table
 from identifiability.workflows import case
 from identifiability.workflows.analyze import judge
 from identifiability.workflows.analyze.workflow import say_unequal
@@ -41,9 +42,12 @@ def test_an_interval_holds_what_was_planted_wherever_a_sign_is_certain(found):
 def test_a_mass_that_an_offset_of_its_slider_could_be_is_identifiable_without_it(found):
     reasons = {v.name: v.reason for v in found.chosen.verdicts}
     assert "if slider3 has no torque offset" in reasons["leg3_upper.m"]
-    said = "an offset of slider3 from leg3_upper.m (a combination)"
+    said = "an offset of slider3 from the combination with leg3_upper.m"
     assert said in of_key(found.hints, "excluded_offsets")[0]
     assert "torque_offset" in found.next()[0][1] or found.missing.functions
+    assert "leg3_upper.m" in [row[0].text for row in offset_table(found).rows]
+    places = [row[0].text for row in joint_values(found, "").rows]
+    assert ("hinge2" in places) == ("hinge2.Fv" in found.chosen.submodel.columns)
 
 
 def test_a_value_many_times_that_of_equal_joints_is_questioned(found):

@@ -276,7 +276,7 @@ class Answer:
     Attributes
     ----------
     question, short, text : str
-        The text has at most two sentences.
+        The text has at most two sentences, or a line for each point.
     tone : str
     commands : tuple of (purpose, command)
         Lines for the terminal, ready to copy, each with its purpose.
@@ -294,4 +294,4 @@ class Answer:
     @property
     def whole(self) -> str:
         """The short answer with all that explains it."""
-        return " ".join(filter(None, (self.short, self.text, self.more)))
+        return " ".join(filter(None, (self.short, self.text.replace("\n", " "), self.more)))

@@ -22,6 +22,14 @@ BOUNDARY: Tolerance = 1e-7
 THIN: Tolerance = 1e-3
 
 
+#: Names and units of what describes a body.
+QUANTITIES = {
+    "mass": "kg",
+    **dict.fromkeys(("centre x", "centre y", "centre z"), "m"),
+    **dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg·m²"),
+}
+
+
 def _basis() -> Array:
     basis = np.zeros((10, 4, 4))
     for column, axis in ((0, 0), (3, 1), (5, 2)):
@@ -61,6 +69,19 @@ def to_matrix(theta: ArrayLike) -> Array:
     """
     values = np.asarray(theta, float)
     return (values @ BASIS.reshape(10, 16)).reshape(*values.shape[:-1], 4, 4)
+
+
+def describe_body(theta: Array) -> Array:
+    """Return the `QUANTITIES` of a body, its moments about its centre, (10,).
+
+    Its parameters (10,) are in the order of `GROUPED_KINDS`.
+    """
+    mass = theta[9]
+    centre = theta[6:9] / theta[9]
+    second = to_matrix(theta)[:3, :3] - mass * np.outer(centre, centre)
+    tensor = np.trace(second) * np.eye(3) - second
+    products = tensor[np.triu_indices(3, 1)]
+    return np.array([mass, *centre, *np.diag(tensor), *products])
 
 
 def scale_matrix(mass: ArrayLike, length: ArrayLike) -> Array:

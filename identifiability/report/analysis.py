@@ -58,7 +58,7 @@ from .blocks import (
 )
 from .figures import name_torque
 from .skeleton import move_with_torque
-from .values_table import joint_values
+from .values_table import joint_values, offset_table
 
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
@@ -131,7 +131,8 @@ def section_values(result: Laddered[Any], parameters: str, errors: str = "") -> 
     opened = sentence("values", "opened") if any(cell.more for cell in cells) else ""
     other = any("≠" in cell.note for cell in cells)
     differs = sentence("values", "excluded") if other else ""
-    return section("analysis.values", values, opened=opened, differs=differs, errors=errors)
+    told = {"opened": opened, "differs": differs, "errors": errors}
+    return section("analysis.values", values, offset_table(result), **told)
 
 
 INERTIAL_KEY = (

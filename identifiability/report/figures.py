@@ -639,6 +639,7 @@ def draw_ladder(
     selected: int,
     name: str,
     likely: Sequence[int] = (),
+    exported: float = np.nan,
 ) -> Figure:
     """Draw the error of each model against its size, with the band of one standard error.
 
@@ -658,6 +659,8 @@ def draw_ladder(
         Of the `other` errors.
     likely : (int, int), optional
         Least and largest size that is as good.
+    exported : float
+        ε_RA of the values that the model to use exports.
     """
     figure, (axes,) = canvas(WIDTH, 220, (44, 8, 26, 40))
     other, unseen, spread = (
@@ -686,7 +689,11 @@ def draw_ladder(
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_locator(NullLocator())
     axes.set_xlim(float(sizes.max()) + 0.8, float(sizes.min()) - 0.8)
-    legend_above(axes, handles=[(band, line), seen], labels=["cross-validation (chooses)", name])
+    drawn = {"cross-validation": (band, line), name: seen}
+    if np.isfinite(exported):
+        (drawn["exported"],) = axes.plot(chosen, 100 * exported, "D", color=VERMILION)
+    style = {"ncols": 3, "columnspacing": 0.8, "handletextpad": 0.5}
+    legend_above(axes, handles=drawn.values(), labels=drawn, **style)
     size = f"smaller model → [parameters, of {sizes.max():.0f}]"
     label_axes(axes, size, "error [% of torque variation]")
     return figure

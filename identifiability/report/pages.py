@@ -1,7 +1,8 @@
 """The pages of results: for each kind its title, the drawing at its answers, and its sections.
 
 Functions of a result make the parts of its page. ``<kind>_heading`` returns kind and subject,
-``<kind>_moving`` and ``<kind>_below`` the drawings at the answers, then come ``<kind>_notes`` and
+``<kind>_moving`` and ``<kind>_below`` the drawings at the answers, ``<kind>_values`` a table
+below them, then come ``<kind>_notes`` and
 ``<kind>_sections``. All are optional: without, a page shows answers and tables alone. The functions
 of an `Analysis` and a `Ladder` are in `identifiability.report.analysis`. Verbs are imported inside
 the functions: a page needs only its verb.
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.foundation.answers import Column, Note
+from identifiability.foundation.answers import Column, Note, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import for_svg
@@ -33,6 +34,7 @@ from identifiability.robot.kinematics import Point
 
 from .answers.common import NAMED, capital, hint_note, sentence, words
 from .answers.compare import list_loaded
+from .answers.diagnose import table_refitted
 from .answers.predict import find_worst, name_runs
 from .answers.tables import make_table, unit_cell
 from .blocks import (
@@ -203,6 +205,11 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
 def diagnosis_below(d: Diagnosis) -> Picture | None:
     """Return the learned curve of the first effect."""
     return _curves(d, 1)[0] if d.curves else None
+
+
+def diagnosis_values(d: Diagnosis) -> Table | None:
+    """Return what the refit changed at the joint with the first effect."""
+    return table_refitted(d)
 
 
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:

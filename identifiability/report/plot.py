@@ -80,8 +80,8 @@ def reduction_path(result: Ladder) -> Figure:
     """Draw the error of each model of a pruning against its number of parameters.
 
     Cross-validation chooses the model. Held-out logs judge it; without them the error of the fit
-    is drawn. Models that would do as well are shaded. All errors are of the estimates: only the
-    model to use has physically consistent ones.
+    is drawn. Models that would do as well are shaded. Errors are of the estimates; the model to
+    use also has the error of the values that are exported.
     """
     held_out = bool(result.validation)
     name = "held-out logs" if held_out else "fitted stretches"
@@ -90,7 +90,9 @@ def reduction_path(result: Ladder) -> Figure:
         error = r.unseen_by(0) if held_out else float(r.fitted.relative_error()[0])
         submodels.append((len(r), error, r.error_ra_unseen, r.error_se))
     sizes, other, unseen, spread = np.array(submodels).T
-    return draw_ladder(sizes, other, unseen, spread, result.selected, name, likely_sizes(result))
+    exported = result.chosen.unseen_by(1)
+    curves = sizes, other, unseen, spread, result.selected, name
+    return draw_ladder(*curves, likely_sizes(result), exported)
 
 
 def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:

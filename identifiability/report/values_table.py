@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 
 from identifiability.estimation.verdict import Class, Flag, Verdict
 from identifiability.foundation.answers import Cell, Column, Table
-from identifiability.foundation.rounding import measured, stated_text
+from identifiability.foundation.rounding import join, measured, stated_text
 from identifiability.physical.cad_prior import mass_rows
+from identifiability.robot import Robot
 from identifiability.workflows.analyze.result import Laddered
 
-from .answers.common import sentence
-
-#: Kinds of friction of a joint, in the order of the columns.
-JOINT_KINDS = ("Fc", "Fv")
+from .answers.analyze import label_note
+from .answers.common import JOINT_KINDS, sentence
+from .answers.tables import make_table
 
 
 def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     """Return a row for each joint: mass of its body, frictions and rotor, with verdicts.
 
-    Motors that mix joints have a row of their friction and rotor. None if the model has none of
-    these parameters. The caption refers to the section of all parameters by its title.
+    Motors that mix joints, and passive joints, have a row of their friction and rotor. None if the
+    model has none of these parameters. The caption refers to the section of all parameters by its
+    title.
     """
     robot = result.robot
     rows_of = _ModelRows(result)
@@ -36,7 +38,9 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     moved = zip(robot.bodies, robot.links, strict=True)
     bodies = {dof: body for body, link in moved for dof in robot.tree.joints[link.last].dofs}
     motors = [a.name for a in robot.axes if a.name not in robot.joints]
-    places = [*robot.joints, *motors]
+    places_of = {name.rpartition(".")[0] for name in rows_of.known if name.endswith(JOINT_KINDS)}
+    passive = [joint for joint in robot.passive if joint in places_of]
+    places = [*robot.joints, *motors, *passive]
     weights = [rows_of.show_mass(masses.get(bodies.get(place, ""))) for place in places]
     # A column without a value is one sentence.
     weighed = any(cell.text != "–" for cell in weights)
@@ -45,9 +49,27 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     rows = []
     for place, weight in zip(places, weights, strict=True):
         cells = [rows_of.show(f"{place}.{kind}") for kind in kinds]
-        rows.append((Cell(place), *([weight] if weighed else []), *cells))
+        name = Cell(place, note=sentence("values", "passive") if place in passive else "")
+        rows.append((name, *([weight] if weighed else []), *cells))
     caption = "caption" if weighed or not masses else "massless"
     return Table.of(sentence("values", caption, section=parameters), columns, rows)
+
+
+def offset_table(result: Laddered[Any]) -> Table | None:
+    """Return the identifiable values that offsets of motors would hide; None without any."""
+    rows = []
+    for verdict, joints in () if result.nothing else result.chosen.without_offsets:
+        name = Cell(verdict.name, note=_spell_label(label_note(verdict.label), result.robot))
+        text = measured(verdict.value, verdict.sigma_label, verdict.unit)
+        value = Cell(text, verdict.value, badge=verdict.look)
+        rows.append((name, value, join(joints)))
+    return make_table("offsets", rows) if rows else None
+
+
+def _spell_label(label: str, robot: Robot) -> str:
+    """Return a label with the names of parameters: ``m(7)`` is ``leg3_upper.m`` there."""
+    names = {symbol: name for name, symbol in robot.symbols.items() if name in robot.bodies}
+    return re.sub(r"(\w+)\(([^)]*)\)", lambda m: f"{names.get(m[2], m[2])}.{m[1]}", label)
 
 
 def _state_file(stated: float, sigma: float) -> str:

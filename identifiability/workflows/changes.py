@@ -12,6 +12,7 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
+import scipy
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.differences import DRIFT, WARM, Differences
@@ -26,10 +27,11 @@ from identifiability.estimation.mixed_model import (
 )
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
+from identifiability.physical.pseudo_inertia import describe_body
 from identifiability.regression.columns import Candidate, number
 from identifiability.robot import Robot
 from identifiability.robot.robot import ten_parameters
@@ -296,21 +298,38 @@ class Change:
         return ~vague
 
     @property
+    def body(self) -> tuple[Array, Array]:
+        """Mass, centre and moments about it of a load that was added or removed, each (10,).
+
+        As of `describe_body`, and their standard errors. NaN where the mass may be zero; the errors
+        are infinite where the motion does not show a number.
+        """
+        if self.kind != "load" or not abs(self.sizes[0]) > REACH * self.sd[0]:
+            return np.full(10, np.nan), np.full(10, np.inf)
+        size, sd = np.zeros(10), np.full(10, np.inf)
+        count = len(self.sizes)
+        size[:count] = np.copysign(1.0, self.sizes[0]) * self.sizes
+        sd[:count] = self.sd
+        grouped = [INERTIAL_KINDS.index(kind) for kind in GROUPED_KINDS]
+
+        def describe(x: Array) -> Array:
+            return describe_body(x[grouped])
+
+        step = 1e-6 * np.abs(size).max()
+        slopes = scipy.optimize.approx_fprime(size, describe, step)
+        known = np.nan_to_num(self.covariance, posinf=0.0)
+        variance = np.diag(slopes[:, :count] @ known @ slopes[:, :count].T)
+        unknown = (slopes[:, np.isinf(sd)] != 0).any(1)
+        return describe(size), np.sqrt(np.where(unknown, np.inf, variance))
+
+    @property
     def centre(self) -> tuple[Array, Array]:
         """Centre of mass of a changed load, and its standard errors, (3,) and (3,) [m].
 
         NaN where the mass may be zero.
         """
-        if self.kind != "load" or not abs(self.sizes[0]) > REACH * self.sd[0]:
-            return np.full(3, np.nan), np.full(3, np.nan)
-        count = len(WEIGHT)
-        mass, *first = self.sizes[:count]
-        centre = np.array(first) / mass
-        slopes = np.column_stack([-centre, np.eye(3)]) / mass
-        sd = self.sd[:count]
-        known = np.nan_to_num(self.covariance, posinf=0.0)[:count, :count]
-        variance = np.where(np.isfinite(sd[1:]), np.diag(slopes @ known @ slopes.T), np.inf)
-        return centre, np.sqrt(variance)
+        values, sd = self.body
+        return values[1:4], sd[1:4]
 
     @property
     def sure(self) -> bool:

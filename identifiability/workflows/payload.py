@@ -45,7 +45,12 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import project
-from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
+from identifiability.physical.pseudo_inertia import (
+    QUANTITIES,
+    describe_body,
+    entry_scale,
+    natural_scale,
+)
 from identifiability.quality.recordings import LogLike, Logs, list_logs
 from identifiability.regression.columns import Candidate
 from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
@@ -205,13 +210,6 @@ def _log_evidence(model: MixedModel, terms: Terms) -> float:
 # and the moments about it follow from the ten parameters to first order.
 
 
-#: Names and units of the quantities of a load.
-QUANTITIES = {
-    "mass": "kg",
-    **dict.fromkeys(("centre x", "centre y", "centre z"), "m"),
-    **dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg·m²"),
-}
-
 #: The mass if the masses of the robot file are right, and torque constants are not.
 BY_FILE = "mass by the file"
 
@@ -275,16 +273,6 @@ def nearest_body(found: LoadEstimate) -> Array:
     )
     data = LeastSquares(found.root, found.root @ found.theta, 1.0, 1.0)
     return project(data, region).phi
-
-
-def describe_body(theta: Array) -> Array:
-    """Return mass, centre and the moments about it, (10,) in the order of `QUANTITIES`."""
-    mass = theta[9]
-    centre = theta[6:9] / theta[9]
-    second = to_matrix(theta)[:3, :3] - mass * np.outer(centre, centre)
-    tensor = np.trace(second) * np.eye(3) - second
-    products = tensor[np.triu_indices(3, 1)]
-    return np.array([mass, *centre, *np.diag(tensor), *products])
 
 
 def state_quantities(

@@ -37,12 +37,15 @@ def same(log, arrays):
         assert_allclose(getattr(log, name), values, rtol=1e-14)
 
 
+def reverse(arrays):
+    return {k: v[:, ::-1] if v.ndim == 2 else v for k, v in arrays.items()}
+
+
 def test_arrays_are_a_log_in_the_robots_order(arrays, bare):
     log = Log.from_arrays(**arrays)
     same(log, arrays)
     same(Log.from_arrays(**arrays, joints=JOINTS), arrays)
-    turned = {k: v[:, ::-1] if v.ndim == 2 else v for k, v in arrays.items()}
-    same(Log.from_arrays(**turned, joints=JOINTS[::-1]), arrays)
+    same(Log.from_arrays(**reverse(arrays), joints=JOINTS[::-1]), arrays)
     assert Log.from_arrays(**arrays, dq=arrays["q"]).channels == ("q", "dq", "tau")
     plain = analyze("two-link", bare, replicates=0)
     for given in (log, arrays):
@@ -82,9 +85,7 @@ def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
     for content in ({"run3": turned}, {"log": {"state": turned, "cmd": {"q": 0 * arrays["q"]}}}):
         savemat(path.with_suffix(".mat"), content)
         same(Log.read(path.with_suffix(".mat"), known), arrays)
-    named = {**{k: v[:, ::-1] if v.ndim == 2 else v for k, v in arrays.items()},
-             "joints": np.array(JOINTS[::-1])}  # fmt: skip
-    np.savez(npz, **named)
+    np.savez(npz, **reverse(arrays), joints=np.array(JOINTS[::-1]))
     log = Log.read(npz, known)
     same(log, arrays)
     assert log.notes == ()

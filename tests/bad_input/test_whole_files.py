@@ -18,6 +18,7 @@ def files_in(folder):
 
 
 FULL = OSError(errno.ENOSPC, "No space left on device")
+STOPS = pytest.mark.parametrize("stop", [FULL, KeyboardInterrupt()], ids=["full disk", "ctrl-c"])
 KINDS = ("json", "html", "csv", "parquet", "xml", "urdf", "sidecar", "model")
 MORE = ("twin", "motion bag")
 
@@ -59,7 +60,7 @@ def written(results, tmp_path):
     return build
 
 
-@pytest.mark.parametrize("stop", [FULL, KeyboardInterrupt()], ids=["full disk", "ctrl-c"])
+@STOPS
 @pytest.mark.parametrize("kind", [*KINDS, *MORE])
 def test_a_stopped_write_leaves_the_old_file_and_nothing_else(kind, stop, written, monkeypatch):
     path, write = written(kind)
@@ -101,7 +102,7 @@ def stop_at(monkeypatch, count, stop):
     monkeypatch.setattr(Path, "replace", fail)
 
 
-@pytest.mark.parametrize("stop", [FULL, KeyboardInterrupt()], ids=["full disk", "ctrl-c"])
+@STOPS
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path, monkeypatch):
     rps = Robot.load("3-rps")

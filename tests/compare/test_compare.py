@@ -77,6 +77,7 @@ def test_torque_that_all_logs_have_is_no_part_of_a_change():
     found, same = (compare(PLANAR, logs(PLANAR, 0, extra=slips)[0], x) for x in every)
     assert found.lacks == ("an unnamed function of velocity in elbow",)
     assert "lacks nonlinear friction (such as Stribeck friction) in elbow." in found.statement
+    assert "would show (95 %)." in found.details
     assert "diagnose(" in same.next()[0][1]
     rubs = joint_torque(own.robot, own.move, own.rigid, own.robot.nominal)
     assert np.std(found.torque.explained[:, 0]) == pytest.approx(0.2 * np.std(rubs[:, 0]), rel=0.2)
@@ -109,6 +110,9 @@ def test_a_load_is_as_sure_as_gains_that_drift_and_links_that_bend(name, mass, g
     assert abs(load.sizes[0] - mass) < 3 * load.sd[0]
     # A tool that stays level does not show the height of its centre.
     assert np.isinf(load.centre[1]).tolist() == [False, False, name == "palletizer"]
+    body, sd = load.body
+    assert not np.any(np.abs(body[4:]) > 4 * sd[4:])  # about the centre of a point
+    assert found.answers()[0].tone == ("vermilion" if rose else "blue")
     bent[:, 0] += robot.nominal[f"{robot.joints[0]}.Fc"] * np.sign(second.dq[:, 0])
     found = compare(robot, first, replace(second, tau=bent))
     assert "changed as the load did" in found.details

@@ -74,18 +74,14 @@ def is_number(node):
 
 def factors(node):
     """Return by what a comparison multiplies or divides: ``3 * x / 2``, ``x / 100``."""
-    products = [
-        n
-        for n in ast.walk(node)
-        if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Mult | ast.Div)
-    ]
+    products = [n for n in ast.walk(node) if isinstance(getattr(n, "op", 0), ast.Mult | ast.Div)]
     sides = [side for n in products for side in (n.left, n.right) if is_number(side)]
     return [n.value for n in sides if isinstance(n, ast.Constant)]
 
 
 def quotients(node):
     """Return whole numbers that are divided: ``1 / 3``."""
-    over = [n for n in ast.walk(node) if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Div)]
+    over = [n for n in ast.walk(node) if isinstance(getattr(n, "op", 0), ast.Div)]
     return [n.right.value for n in over if is_number(n.left) and isinstance(n.right, ast.Constant)]
 
 

@@ -41,7 +41,7 @@ def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis, make_log):
         inside = frame[f"{joint}.from"] < frame[f"{joint}.mean_from"]
         assert (inside & (frame[f"{joint}.mean_to"] < frame[f"{joint}.to"])).all()
     for times, says in ((0.75, "narrow"), (2, "wide")):
-        assert f"they are too {says}" in replace(found, low=times * found.low).details
+        assert f" are too {says}" in replace(found, low=times * found.low).details
 
 
 def test_written_torque_is_that_of_the_log_where_the_sidecar_states_a_spring(make_log):

@@ -75,6 +75,8 @@ def test_models_are_compared_by_their_estimates_and_those_as_likely_are_said(pru
     for name in (pruned.full.name, pruned.chosen.name):
         assert f"{100 * errors[name]:.2f}" in said
     assert "95 % probability" in said
+    row = pruned.tables()[0].rows[pruned.selected]
+    assert any(cell.text in pruned.statement for cell in row if "%" in cell.text)
 
 
 def test_the_answer_says_by_which_rule_the_model_was_chosen(pruned):
@@ -99,7 +101,7 @@ def test_json_and_report_hold_the_ladder(pruned, tmp_path):
     content = pruned.to_dict()
     assert len(content["full_parameters"]) == 37
     page = pruned.write_report(tmp_path / "p.html").read_text()
-    for words in ("12 of 37 parameters are enough", "What survives", "rotors"):
+    for words in ("12 of 37 parameters are enough for a simulator", "What survives", "rotors"):
         assert words in page
 
 

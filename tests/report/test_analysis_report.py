@@ -41,11 +41,8 @@ def test_the_report_is_small_and_the_same_each_time(html, paper_analysis, tmp_pa
     assert len(html.encode()) < 1_000_000
 
 
-def test_hashes_are_printed(html, paper_analysis):
+def test_hashes_are_printed_and_no_path_of_this_machine(html, paper_analysis):
     assert paper_analysis.robot.sha256 in html
     for s in (*paper_analysis.samples, *paper_analysis.validation):
         assert s.sha256 in html
-
-
-def test_no_path_of_this_machine_is_told(html, paper_analysis):
     assert str(paper_analysis.robot.path.parent) not in html

@@ -6,11 +6,19 @@ from pathlib import Path
 import pytest
 
 import identifiability
+from identifiability.report.answers.common import WORDS
 
 PACKAGE = Path(identifiability.__file__).parent
 
 #: What answers, tables and caveats are made with.
 MAKERS = {"Answer", "Column", "Note", "Table", "frame_table"}
+
+
+@pytest.mark.parametrize("verb", ["", "prediction.", "rollout.", "payload.", "comparison."])
+def test_an_answer_that_asks_for_care_says_so_first(verb):
+    said = WORDS[f"{verb}trust"]
+    for part, tone in said["tones"].items():
+        assert said[part].startswith("With care: ") == (tone == "amber")
 
 
 @pytest.mark.parametrize(

@@ -122,20 +122,27 @@ class LadderedPresenter(PredictingPresenter):
         more = ""
         if not result.nothing:
             more = join_sentences(_state_own_means(result), _state_left_out(result))
+        of_values, others = self.compare_errors()
         measured_on = sentence(
             "laddered.measured",
             kind=result.validation_kind,
             interval=state_interval(result.held_out),
         )
-        text = join_sentences(measured_on, *self.compare_errors())
+        text = join_sentences(measured_on, of_values)
+        more = join_sentences(more, others)
         error = self.answer_error(text, more, raw=result.left_out["raw"])
         if result.moved is not None:
             error = result.moved.lead(error)
         return use, error, answer_doubt(result)
 
     def compare_errors(self) -> tuple[str, str]:
-        """Return the error of the estimates, and the errors that it is compared with."""
-        return state_estimated(self.result.chosen), ""
+        """Return of which values the stated error is, and errors for further down the page."""
+        model = self.result.chosen
+        free = model.unseen_by(0)
+        same = error_text(free) == error_text(model.error_ra_validation)
+        if same or not (np.isfinite(free) and is_nearly_real(model)):
+            return "", ""
+        return sentence("quality", "exported", free=free), ""
 
     def commands(self) -> list[Command]:
         """Return at most three lines for the terminal, the most useful first."""
@@ -368,18 +375,6 @@ def state_nearest(model: ModelResult) -> str:
     return sentence("laddered.statement", "nearest", near=near, free=model.unseen_by(0))
 
 
-def state_estimated(model: ModelResult, full: str = "") -> str:
-    """Return the error of the values as estimated, where the stated one is of exported values.
-
-    `full` is that of all parameters, in words.
-    """
-    free = model.unseen_by(0)
-    same = error_text(free) == error_text(model.error_ra_validation)
-    if same or not (np.isfinite(free) and is_nearly_real(model)):
-        return f"{capital(full)}." if full else ""
-    return sentence("quality", "exported", free=free, full=f" ({full})" if full else "")
-
-
 def _state_left_out(result: Laddered[Any]) -> str:
     """Return which rows the error leaves out, as they have no weight."""
     left = result.left_out
@@ -411,7 +406,8 @@ def _state_unknown(chosen: ModelResult) -> str:
     about = "analysis.others"
     doubted = Counter(Flag.IN_DOUBT if Flag.IN_DOUBT in v.flags else v.verdict for v in others)
     each = [sentence(about, of, count=doubted[of]) for of in WORDS[about] if doubted[of]]
-    return sentence("analysis.use", "open", others=len(others), labels=each)
+    pruned = sentence("analysis.use", "pruned") if _has_unknown(chosen) else ""
+    return sentence("analysis.use", "open", others=len(others), labels=each, pruned=pruned)
 
 
 def _state_known(robot: Robot, chosen: ModelResult) -> str:

@@ -42,6 +42,9 @@ from identifiability.workflows.wrong_bodies import WrongBodies, find_wrong_bodie
 from .commands import source_name
 from .python_lines import lines_in_memory
 
+#: Kinds of friction of a joint, in the order of columns.
+JOINT_KINDS = ("Fc", "Fv")
+
 #: Parameters, logs, places or needs that a sentence or a first screen names.
 NAMED = 3
 

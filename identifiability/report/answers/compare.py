@@ -22,6 +22,7 @@ from identifiability.foundation.rounding import (
     state_probability,
     stated_text,
 )
+from identifiability.physical.pseudo_inertia import QUANTITIES
 
 from .commands import export_line, ladder_option, name_logs, validate_options
 from .common import (
@@ -38,8 +39,6 @@ from .common import (
 )
 from .tables import make_table
 
-#: First moments of a load, by the ends of their names.
-MOMENTS = (".mx", ".my", ".mz")
 #: Of a frame of changes.
 COLUMNS = [
     *("what", "kind", "place", "name", "change", "low", "high", "unit"),
@@ -74,14 +73,16 @@ class ComparisonPresenter(AnsweringPresenter):
         """Return what changed, and whether to trust it."""
         result = self.result
         question = sentence("comparison.how", "question")
-        tone = "vermilion" if result.changes else "green"
+        # Whoever put a load on knows of it.
+        alarms = {change.kind for change in result.changes} - {"load"}
+        tone = "vermilion" if alarms else "blue" if result.changes else "green"
         only = len(result.changes) == 1
         text = join_sentences(*(_state_evidence(x, only=only) for x in result.changes))
         seen = _state_seen(result)
         trust = _answer_trust(result)
         if result.changes:  # else that is the answer
             text = join_sentences(text, sentence("comparison.seen", "else"))
-            trust = replace(trust, text=join_sentences(trust.text, seen))
+            trust = replace(trust, text="\n".join(filter(None, [trust.text, seen])))
         changed = Answer(question, result.answer, text or seen, tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = replace(trust, more=why)
@@ -102,12 +103,15 @@ class ComparisonPresenter(AnsweringPresenter):
             body = option_for_shell("--body", bodies[0])
             without = "".join(f" --without {path_for_shell(path)}" for path in result.before)
             weigh = f"payload {self.robot} analyze.json {logs} {body}{without} --report load.html"
-            fit = self._fit_line(result.before)
+            find = self._diagnose()
             # The load is more exact under a model with the effects that it lacks, as of `payload`.
-            return [
-                *self._diagnose(),
-                command("fit_and_weigh", f"{fit} && identifiability {weigh}"),
-            ]
+            begin = "".join(f"{line} && " for _, line in find).removeprefix("identifiability ")
+            fit = self._fit_line(result.before, " --ladder model.toml" if find else None)
+            names = _name_lacks(result)
+            purpose = "weigh_again" if find and names else "fit_and_weigh"
+            again = f"{begin}identifiability {fit}".removeprefix("identifiability ")
+            line = f"{again} && identifiability {weigh}"
+            return [*find, command(purpose, line, names=names, count=names)]
         now = f"{self._fit_line(result.after)} --report report.html"
         return [command("fit_now", now), *self._diagnose()]
 
@@ -119,13 +123,16 @@ class ComparisonPresenter(AnsweringPresenter):
         lacks = result.lacks or any(map(rises_within, result.changes))
         return [find_command(_name_lacks(result), line)] if lacks and result.verifiable else []
 
-    def _fit_line(self, paths: Sequence[str]) -> str:
-        """Return the line that fits logs; the last of several is held out."""
+    def _fit_line(self, paths: Sequence[str], ladder: str | None = None) -> str:
+        """Return the line that fits logs, by the model of the result or a `ladder` as an option.
+
+        The last of several logs is held out.
+        """
         result = self.result
         *fitted, last = dict.fromkeys(paths)
         logs = name_logs(result.robot, fitted or [last], how=result.preparation)
         held = validate_options([last] if fitted else [])
-        ladder = ladder_option(result.robot, result.source)
+        ladder = ladder_option(result.robot, result.source) if ladder is None else ladder
         return f"analyze {self.robot} {logs}{held}{ladder} --json analyze.json"
 
     def tables(self) -> tuple[Table, ...]:
@@ -306,9 +313,9 @@ def _title(change: Change | Unchanged) -> str:
 def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     """Yield the rows of a change: its torque and probability, then its numbers.
 
-    Of the numbers they are the first, and others whose intervals exclude zero. The centre of a load
-    stands for its first moments. The probability of a change of several joints is none of a joint
-    whose share in it the motion does not show.
+    Of the numbers they are the first, and others whose intervals exclude zero. A load has its
+    centre and its moments about it, as of `payload`. The probability of a change of several joints
+    is none of a joint whose share in it the motion does not show.
     """
     probability = probability_text(change.odds) if _is_felt(change) else ""
     rivals = "; ".join(state_alternatives(change))
@@ -316,23 +323,31 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     single = change.kind == "load" or len(change.names) == 1
     yield capital(change.what), *(_state_number(change, 0) if single else ("",) * 3), *more
     none = ("",) * len(more)
-    centred = bool(np.isfinite(change.centre[0]).all())
+    if np.isfinite(change.centre[0]).all():
+        yield from ((*row, *none) for row in _load_rows(change))
+        return
     for k, name in enumerate(change.names):
-        moment = centred and name.endswith(MOMENTS)
-        if moment or (k and abs(change.sizes[k]) <= REACH * change.sd[k]):
+        if k and abs(change.sizes[k]) <= REACH * change.sd[k]:
             continue
         if k or not single:
             yield name, *_state_number(change, k), *none
-        if centred and not k:
-            yield from ((*row, *none) for row in _centre_rows(change))
 
 
-def _centre_rows(change: Change) -> Iterator[tuple[str, str, str, str]]:
-    """Yield the name and the coordinates of the centre of a load that changed, as its change."""
-    for axis, x, sd in zip("xyz", *change.centre, strict=True):
-        unknown = sentence("comparison.seen", "unknown")
-        at = measured(1e3 * x, 1e3 * sd, "mm") if np.isfinite(sd) else unknown
-        yield f"{change.place} load centre {axis}", "", "", at
+def _load_rows(change: Change) -> Iterator[tuple[str, str, str, str]]:
+    """Yield the coordinates of the centre of a load that changed, then its moments about it."""
+    unknown = sentence("comparison.seen", "unknown")
+    name = f"{change.place} load"
+    for quantity, x, sd in [*zip(QUANTITIES, *change.body, strict=True)][1:]:
+        high = x + REACH * sd
+        if quantity.startswith("centre"):
+            size = measured(1e3 * x, 1e3 * sd, "mm") if np.isfinite(sd) else unknown
+        elif abs(x) > REACH * sd:
+            size = measured(x, sd, QUANTITIES[quantity])
+        elif quantity[1] == quantity[2] and 0 < high < np.inf:
+            size = sentence("payload.tables", "below", high=high, unit=QUANTITIES[quantity])
+        else:
+            size = unknown
+        yield f"{name} {quantity}", "", "", size
 
 
 def _is_felt(change: Change) -> bool:
@@ -408,13 +423,13 @@ def _state_seen(result: Comparison) -> str:
     shown = [x for x in result.unchanged if np.isfinite(x.least) and not _is_hidden(x)]
     shown.sort(key=lambda x: x.least if x.kind == "load" else x.relative)
     most = {x.kind: x for x in shown if x.kind != "gain"}
-    told = {kind: sentence(about, kind, number=x) for kind, x in most.items()}
+    other = any(x.kind == "friction" for x in result.unchanged if _is_hidden(x))
+    holes = {"a": "any other" if other else "a"}
+    told = {kind: sentence(about, kind, number=x, **holes) for kind, x in most.items()}
     below = told.pop("offset", "")
-    if not told:
-        return sentence(about, "blind", names=names) if names else ""
-    but = sentence(about, "but", names=names) if names else ""
-    seen = sentence(about, "shown", each=" or ".join(told.values()), but=but)
-    return join_sentences(capital(seen), below)
+    blind = sentence(about, "blind", names=names) if names else ""
+    seen = capital(sentence(about, "shown", each=" or ".join(told.values()))) if told else ""
+    return "\n".join(filter(None, (blind, seen, below)))
 
 
 def _state_evidence(change: Change, *, only: bool) -> str:
@@ -435,9 +450,9 @@ def _answer_trust(result: Comparison) -> Answer:
     """Return whether the changes may be trusted, with the effects that the model lacks."""
     about = "comparison.trust"
     if not result.lacks:
-        return answer(about, "logs", "", "amber")
+        return answer(about, "logs")
     lacks = _name_lacks(result)
-    return answer(about, "lacks", sentence(about, "allowed", lacks=lacks), "amber", lacks=lacks)
+    return answer(about, "lacks", sentence(about, "allowed", lacks=lacks), lacks=lacks)
 
 
 def _name_lacks(result: Comparison) -> list[str]:

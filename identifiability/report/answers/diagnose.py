@@ -22,7 +22,7 @@ from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, join, measured, state_probability
+from identifiability.foundation.rounding import NONE, REACH, join, measured, state_probability
 from identifiability.physical.cad_prior import find_rises
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
@@ -32,6 +32,7 @@ from identifiability.workflows.wrong_bodies import find_wrong_bodies
 
 from .commands import compare_line, export_line, held_back, name_logs, on_file
 from .common import (
+    JOINT_KINDS,
     NAMED,
     TONES,
     VISIBLE,
@@ -561,6 +562,32 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
                 note = "; ".join(filter(None, (shape, limit)))
                 size = Cell(measured(value, error, unit), value, note=note)
                 yield named, parameter, size, p.odds, p.unseen, added
+
+
+def table_refitted(d: Diagnosis) -> Table | None:
+    """Return the friction of the joint with the first effect, without it and with it.
+
+    None if the model got no effect, or values are kept.
+    """
+    effects = d.effects[: min(d.included, 1)]
+    placements = [p for e in effects for p in e.placements if p.sure]
+    before = d.problem.recommended
+    if before is None or not placements:
+        return None
+    most = max(placements, key=lambda p: p.peak)
+    base = d.completed.base
+    sigma = np.sqrt(np.diag(d.fit.base_covariance))
+    old = dict(zip(d.problem.plain.base.names, before.base, strict=True))
+    new = dict(zip(base.names, zip(d.fit.base, sigma, base.units, strict=True), strict=True))
+    rows: list[tuple[Any, ...]] = []
+    for kind in JOINT_KINDS:
+        name = f"{most.place}.{kind}"
+        if name in old and name in new:
+            without = measured(old[name], new[name][1], new[name][2]).partition(" ±")[0]
+            rows.append((sentence("values", kind), without, measured(*new[name])))
+    title = title_of(effects[0].name)
+    rows += [(Cell(title, note=name), NONE, measured(*size)) for name, *size in most.rows if rows]
+    return make_table("refitted", rows, joint=most.place) if rows else None
 
 
 def _state_shape(d: Diagnosis, family: str, p: Placement) -> str:

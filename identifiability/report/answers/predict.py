@@ -201,7 +201,7 @@ def _answer_intervals(result: TorquePrediction) -> Answer:
         return answer(about, "lacks", text, missing=lacks)
     notes = [hint for hint in result.hints if hint_note(hint).level == "warning"]
     grave = first_sentence(*result.warnings, *notes)
-    part = f"care_{width}" if grave else width
+    part = f"care_{width}" if grave or width == "narrow" else width
     tone = "amber" if new or grave else ""
     return answer(about, part, join_sentences(meaning, text), tone, first=grave, **holes)
 

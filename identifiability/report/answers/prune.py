@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from identifiability.estimation.evidence import LEVELS, may_stand
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
@@ -19,7 +17,6 @@ from .analyze import (
     error_tables,
     is_nearly_real,
     model_row,
-    state_estimated,
     state_nearest,
 )
 from .common import answer, capital, join_sentences, note, sentence
@@ -63,7 +60,8 @@ class LadderPresenter(LadderedPresenter):
         )
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
         near = "" if is_nearly_real(chosen) else state_nearest(chosen)
-        kept = join_sentences(known, _state_dropped(result))
+        more = sentence(about, "kept") if used < size else ""
+        kept = join_sentences(known, _state_dropped(result), more)
         text = join_sentences(kept, signs, near)
         # What the model lacks is the answer on trust.
         tone = "blue" if is_nearly_real(chosen) else "amber"
@@ -73,13 +71,14 @@ class LadderPresenter(LadderedPresenter):
         return replace(found, more=join_sentences(why, rule, others))
 
     def compare_errors(self) -> tuple[str, str]:
-        """Return the errors of the model to use and of all parameters, as of table and figure."""
+        """Return of which values the stated error is, and the errors as of table and figure."""
         result = self.result
-        error = result.full.unseen_by(0)
-        if result.nothing or not np.isfinite(error) or result.chosen is result.full:
-            return super().compare_errors()
-        full = sentence("quality", "full", full=error, size=len(result.full))
-        return state_estimated(result.chosen, full), _state_cost(result)
+        chosen, full = result.chosen, result.full
+        real = sentence("quality", "real") if chosen.physical_used else ""
+        if result.nothing or chosen is full:
+            return real, ""
+        errors = {"error": chosen.unseen_by(0), "full": full.unseen_by(0)}
+        return real, sentence("pruning.use", "estimated", size=len(full), **errors)
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and that the choice is stable if it is."""
@@ -101,14 +100,6 @@ def _state_choice(result: Ladder) -> tuple[str, str]:
         part = "near" if lower <= LEVELS.nats else "rise"
     rule = sentence("pruning.choice", part, lower=lower, nats=LEVELS.nats, rise=LEVELS.rise)
     return sentence("pruning.choice", "smallest", best=len(best)), rule
-
-
-def _state_cost(result: Ladder) -> str:
-    """Return the errors in cross-validation of the model to use and of all parameters."""
-    each = [m.error_ra_unseen for m in (result.chosen, result.full)]
-    if not (result.validation and np.isfinite(each).all()):
-        return ""
-    return sentence("pruning.use", "cost", error=each[0], full=each[1], size=len(result.full))
 
 
 def _state_dropped(result: Ladder) -> str:

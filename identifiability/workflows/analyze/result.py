@@ -588,7 +588,7 @@ def compare_logs(
     units = {v.name: v.unit for v in result.verdicts}
     far = []
     for k, x in each:
-        ends = f"{x.min():.3g} … {x.max():.3g} {units.get(columns[k], '')}".rstrip()
+        ends = f"from {x.min():.3g} to {x.max():.3g} {units.get(columns[k], '')}".rstrip()
         far.append(f"{columns[k]} {ends}")
     told = phrase("disagree", "says", names=names, far=far)
     return told if missing else f"{told} {phrase('disagree', 'compare')}"

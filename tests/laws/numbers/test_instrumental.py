@@ -26,9 +26,9 @@ def planted(rng, samples=1200, noise=0.15, idle=False):
     exact = rng.normal(size=(samples, 2, 4)) @ (np.eye(4) + 0.3 * np.ones((4, 4)))
     W, V = (exact + noise * rng.normal(size=exact.shape) for _ in range(2))
     if idle:  # a motion so small that each record is mostly noise
-        W[:, :, 3] = 0.02 * exact[:, :, 3] + noise * rng.normal(size=exact.shape[:2])
-        V[:, :, 3] = 0.02 * exact[:, :, 3] + noise * rng.normal(size=exact.shape[:2])
         exact[:, :, 3] *= 0.02
+        for record in (W, V):
+            record[:, :, 3] = exact[:, :, 3] + noise * rng.normal(size=exact.shape[:2])
     tau = exact @ TRUTH + SIZE * rng.normal(size=(samples, 2))
     return V, W, tau
 
