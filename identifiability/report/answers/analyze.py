@@ -63,6 +63,7 @@ from .common import (
     grade_of,
     hint_note,
     join_sentences,
+    list_points,
     note,
     sentence,
     state_contradicted,
@@ -510,7 +511,7 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     prefix = sentence("trust", "care", grave="").rstrip(".")
     second = capital(usual.short.removeprefix(prefix))
     others = () if usual.tone == "green" else (second, usual.text)
-    text = join_sentences(_state_measurement(result), *others)
+    text = list_points(_state_measurement(result), *others)
     care = sentence("trust", "care", grave=after_colon(odd[0]))
     return replace(usual, short=care, text=text, tone="amber")
 

@@ -66,6 +66,11 @@ def join_sentences(*texts: str) -> str:
     return " ".join(filter(None, texts))
 
 
+def list_points(*texts: str) -> str:
+    """Return the texts that say something, each on a line: a page shows several as points."""
+    return "\n".join(filter(None, texts))
+
+
 def capital(text: str) -> str:
     """Return a text that begins with a capital letter."""
     return text[:1].upper() + text[1:]
@@ -512,7 +517,7 @@ def answer_trust(
         # The only check stands here alone, so that no note repeats it.
         told = [doubted, *checks * (len(checks) == 1)]
         also = sentence("trust", "read", told="; ".join(titles)) if titles else ""
-        return answer("trust", "if_nothing", join_sentences(*told, also), missing=missing)
+        return answer("trust", "if_nothing", list_points(*told, also), missing=missing)
     # What leads is told in full; a note below the answers has all of the other checks.
     lead = "" if warnings or not others else others[0].text
     head = after_colon(checks[0]) if checks and not titles else _head_check(checks)
@@ -524,7 +529,7 @@ def answer_trust(
     if not titles:
         titles, doubted = [sentence("trust", "leaves", what=in_doubt)], ""
     second = f"{capital('; '.join(titles[1:]))}." if titles[1:] else ""
-    return answer("trust", "care", join_sentences(lead, second, doubted), grave=titles[0])
+    return answer("trust", "care", list_points(lead, second, doubted), grave=titles[0])
 
 
 def _head_check(checks: Sequence[str]) -> str:

@@ -35,6 +35,7 @@ from .common import (
     command,
     find_command,
     join_sentences,
+    list_points,
     sentence,
 )
 from .tables import make_table
@@ -82,7 +83,7 @@ class ComparisonPresenter(AnsweringPresenter):
         trust = _answer_trust(result)
         if result.changes:  # else that is the answer
             text = join_sentences(text, sentence("comparison.seen", "else"))
-            trust = replace(trust, text="\n".join(filter(None, [trust.text, seen])))
+            trust = replace(trust, text=list_points(trust.text, seen))
         changed = Answer(question, result.answer, text or seen, tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = replace(trust, more=why)
@@ -429,7 +430,7 @@ def _state_seen(result: Comparison) -> str:
     below = told.pop("offset", "")
     blind = sentence(about, "blind", names=names) if names else ""
     seen = capital(sentence(about, "shown", each=" or ".join(told.values()))) if told else ""
-    return "\n".join(filter(None, (blind, seen, below)))
+    return list_points(blind, seen, below)
 
 
 def _state_evidence(change: Change, *, only: bool) -> str:
