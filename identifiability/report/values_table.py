@@ -59,10 +59,11 @@ def offset_table(result: Laddered[Any]) -> Table | None:
     """Return the identifiable values that offsets of motors would hide; None without any."""
     rows = []
     for verdict, joints in () if result.nothing else result.chosen.without_offsets:
-        name = Cell(verdict.name, note=_spell_label(label_note(verdict.label), result.robot))
+        note = _spell_label(label_note(verdict.label), result.robot)
+        called = sentence("values", "of_several", name=verdict.name) if note else verdict.name
         text = measured(verdict.value, verdict.sigma_label, verdict.unit)
         value = Cell(text, verdict.value, badge=verdict.look)
-        rows.append((name, value, join(joints)))
+        rows.append((Cell(called, note=note), value, join(joints)))
     return make_table("offsets", rows) if rows else None
 
 

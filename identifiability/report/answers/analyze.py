@@ -123,21 +123,21 @@ class LadderedPresenter(PredictingPresenter):
         more = ""
         if not result.nothing:
             more = join_sentences(_state_own_means(result), _state_left_out(result))
-        of_values, others = self.compare_errors()
+        values, others = self.compare_errors()
         measured_on = sentence(
             "laddered.measured",
             kind=result.validation_kind,
             interval=state_interval(result.held_out),
+            values=values,
         )
-        text = join_sentences(measured_on, of_values)
         more = join_sentences(more, others)
-        error = self.answer_error(text, more, raw=result.left_out["raw"])
+        error = self.answer_error(measured_on, more, raw=result.left_out["raw"])
         if result.moved is not None:
             error = result.moved.lead(error)
         return use, error, answer_doubt(result)
 
     def compare_errors(self) -> tuple[str, str]:
-        """Return of which values the stated error is, and errors for further down the page."""
+        """Return of which values the stated error is, as a clause, and errors for further down."""
         model = self.result.chosen
         free = model.unseen_by(0)
         same = error_text(free) == error_text(model.error_ra_validation)

@@ -71,7 +71,7 @@ class LadderPresenter(LadderedPresenter):
         return replace(found, more=join_sentences(why, rule, others))
 
     def compare_errors(self) -> tuple[str, str]:
-        """Return of which values the stated error is, and the errors as of table and figure."""
+        """Return of which values the stated error is, and the errors of table and figure."""
         result = self.result
         chosen, full = result.chosen, result.full
         real = sentence("quality", "real") if chosen.physical_used else ""
