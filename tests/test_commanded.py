@@ -722,18 +722,26 @@ def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(ar
     assert low < TRUTH["shoulder.Fc"] < high
 
 
+def test_two_exchanged_commands_are_named():
+    log = pd.read_csv(MODELS / "hobby-arm" / "logs" / "run1.csv")
+    exchanged = log.rename(columns={"elbow.cmd": "shoulder.cmd", "shoulder.cmd": "elbow.cmd"})
+    said = inspect("hobby-arm", exchanged).hints
+    assert any("shoulder follows the command of elbow, elbow follows" in each for each in said)
+
+
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
         (default_rng(1).permutation, r"Say which columns are commands.*shoulder\.cmd"),
         (np.degrees, "in degrees"),
         (np.negative, "wrong sign"),
+        (np.fliplr, "shoulder follows the command of elbow"),
     ],
 )
 def test_a_log_in_which_no_joint_follows_is_refused_with_the_reason(arm, frames, spoil, said):
+    columns = [f"{joint}.cmd" for joint in arm.joints]
     spoilt = frames[1].copy()
-    for joint in arm.joints:
-        spoilt[f"{joint}.cmd"] = spoil(spoilt[f"{joint}.cmd"])
+    spoilt[columns] = spoil(spoilt[columns].to_numpy())
     with pytest.raises(IdentifiabilityError, match=f"do not follow their commands.*{said}"):
         analyze(arm, spoilt, quick=True)
 

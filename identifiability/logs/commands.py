@@ -7,12 +7,17 @@ continuous in the delay. Commands may have another clock than rows (`Log.command
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping
 
+import numpy as np
+import scipy.optimize
+
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
 from identifiability.robot.servo import Servo
 
 from .log import Log
+from .signals import sampling_step
 
 
 def held_mean(t: Array, x: Array, at: Array, width: float) -> Array:
@@ -109,6 +114,44 @@ def are_positions_alone(log: Log) -> bool:
 def has_commands(log: Log) -> bool:
     """Return whether a log holds commanded positions or velocities."""
     return log.q_ref is not None or log.dq_ref is not None
+
+
+def longest_delay(log: Log) -> int:
+    """Return within how many samples a joint follows its command."""
+    return max(1, round(0.5 / sampling_step(log.t)))
+
+
+def find_exchanged(log: Log) -> dict[str, str]:
+    """Return joints that follow the command of another joint, and that joint.
+
+    Commands are assigned to positions such that the sum of squared distances is least. They are
+    exchanged where this at least halves the squared distance of each joint of an exchange.
+    """
+    assert log.q_ref is not None
+    most = longest_delay(log)
+    far = np.array([[_distance(command, q, most) for command in log.q_ref.T] for q in log.q.T])
+    if not np.isfinite(far).all():
+        return {}
+    joints, command_of = scipy.optimize.linear_sum_assignment(far)
+    closer = 2 * far[joints, command_of] < far[joints, joints]
+    exchanged = closer & closer[command_of]
+    names = np.array(log.joints)
+    pairs = zip(names[exchanged], names[command_of[exchanged]], strict=True)
+    return {str(joint): str(other) for joint, other in pairs}
+
+
+def state_exchanged(exchanged: Mapping[str, str]) -> list[str]:
+    """Return which joint follows the command of which other joint, as words."""
+    return [
+        phrase("commands_exchanged", "pair", joint=joint, other=other)
+        for joint, other in exchanged.items()
+    ]
+
+
+def _distance(command: Array, q: Array, most: int) -> float:
+    """Return the mean square of a position (N,) about its command (N,), at the best delay."""
+    lags = range(0, min(most, len(q) // 2) + 1, max(1, most // 32))
+    return min(float(np.mean((command[: len(q) - k] - q[k:]) ** 2)) for k in lags)
 
 
 def of_commands(log: Log) -> bool:

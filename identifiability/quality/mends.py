@@ -17,7 +17,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
-from identifiability.logs.commands import of_commands
+from identifiability.logs.commands import find_exchanged, of_commands, state_exchanged
 from identifiability.logs.contradictions import Contradiction, contradictions
 from identifiability.logs.rows import find_range
 from identifiability.logs.rules import RULES
@@ -261,12 +261,18 @@ def compute_torque(logs: RawLogs) -> RawLogs:
     if logs.torque is None:
         return logs
     made = logs.torque(logs.every)
-    commanded = [log for log in made if of_commands(log)]
     apart = list[str]()
-    for log in commanded:
-        apart += np.array(log.joints)[log.is_unmeasured].tolist()
-    joints = list(dict.fromkeys(apart))
-    return logs.having(made, [Finding("apart", joints=joints)] if joints else [])
+    exchanged = dict[str, str]()
+    for log, given in zip(made, logs.every, strict=True):
+        left_out = np.array(log.joints)[log.is_unmeasured].tolist() if of_commands(log) else []
+        apart += left_out
+        if left_out:
+            exchanged |= find_exchanged(given)
+    joints = [joint for joint in dict.fromkeys(apart) if joint not in exchanged]
+    found = [Finding("apart", joints=joints)] if joints else []
+    if exchanged:
+        found.append(Finding("commands_exchanged", pairs=state_exchanged(exchanged)))
+    return logs.having(made, found)
 
 
 # Derivatives that contradict positions.

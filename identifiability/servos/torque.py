@@ -12,7 +12,15 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.logs import Log, signals
-from identifiability.logs.commands import acting, are_positions_alone, held_mean, integral_torque
+from identifiability.logs.commands import (
+    acting,
+    are_positions_alone,
+    find_exchanged,
+    held_mean,
+    integral_torque,
+    longest_delay,
+    state_exchanged,
+)
 from identifiability.logs.rules import RULES
 from identifiability.robot.servo import Servo
 
@@ -112,17 +120,21 @@ def set_aside_joints(log: Log) -> Log:
     """
     if log.q_ref is None:
         return log
-    # A command is followed within this time [s].
-    most = max(1, round(0.5 / signals.sampling_step(log.t)))
+    most = longest_delay(log)
     columns = zip(log.q_ref.T, log.q.T, strict=True)
     lost = np.array([not follows_command(command, q, most) for command, q in columns])
     stands = np.ptp(log.q_ref, axis=0) == 0.0
-    if lost.sum() > np.sum(~lost & ~stands):
-        joint = log.joints[int(np.argmax(lost))]
-        why = explain_lost(joint, log.q_ref[:, lost], log.q[:, lost], most)
-        raise LogError(Finding("servos.unfollowed", log.name, joint=joint, why=why))
     if not lost.any():
         return log
+    exchanged = find_exchanged(log)
+    lost |= np.isin(log.joints, list(exchanged))
+    if lost.sum() > np.sum(~lost & ~stands):
+        joint = log.joints[int(np.argmax(lost))]
+        if exchanged:
+            why = phrase("servos.unfollowed", "exchanged", pairs=state_exchanged(exchanged))
+        else:
+            why = explain_lost(joint, log.q_ref[:, lost], log.q[:, lost], most)
+        raise LogError(Finding("servos.unfollowed", log.name, joint=joint, why=why))
     gone = np.tile(lost, (len(log), 1))
     if log.unmeasured is not None:
         gone |= log.unmeasured
