@@ -178,6 +178,9 @@ def test_a_joint_that_errs_little_is_not_warned_of_however_little_the_others_err
     assert "torque error at b is 3.1 %" in found
     assert "Check its command before" in found
     assert not state_uneven(0.02, joints, np.array([0.01, 0.05]))
-    (log,) = state_uneven_log("abc", np.array([0.09, 0.4, 0.05]))
+    alike, errors = np.ones(3), np.array([0.09, 0.4, 0.05])
+    (log,) = state_uneven_log("abc", errors, alike)
     assert log.startswith("On b the model errs by 40 %")
-    assert not state_uneven_log("abc", np.array([0.09, 0.2, 0.05]))
+    assert not state_uneven_log("abc", np.array([0.09, 0.2, 0.05]), alike)
+    # The same error in N·m, on a log of slow motion.
+    assert not state_uneven_log("abc", errors, 1 / errors)

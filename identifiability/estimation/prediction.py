@@ -330,6 +330,11 @@ class Prediction:
         errors = self.errors[int(raw), 0, own].sum((0, 1))
         return _ratio(errors, self.apart(at, raw=raw).sum())
 
+    def variation(self, log: int) -> float:
+        """Return the mean distance of a log's torque from its mean [N or N·m]."""
+        at = self.log == log
+        return float(self.apart(at).sum() / max(1, self.data[at].sum()))
+
     def constant_error(self) -> float:
         """Return ε_RA of predicting each joint's mean torque: the baseline of every model."""
         own, every = (self.apart(axis=axis).sum() for axis in (0, None))

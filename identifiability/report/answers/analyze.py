@@ -205,7 +205,9 @@ class LadderedPresenter(PredictingPresenter):
         contradicted = state_contradicted(result.fit, result.full.submodel, *known, missing)
         logs = self.error_frame().query("of == 'log'")
         errors = logs["error"].fillna(logs["error_validation"]).to_numpy(float)
-        uneven = state_uneven_log([*logs["name"]], errors)
+        variations = [result.fitted.variation(k) for k in range(len(result.samples))]
+        variations += [result.held_out.variation(k) for k in range(len(result.validation))]
+        uneven = state_uneven_log([*logs["name"]], errors, np.array(variations))
         return (*super().warnings(), *uneven, *contradicted)
 
     def errors(self) -> tuple[float, Array, Array]:

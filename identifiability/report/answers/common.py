@@ -444,8 +444,10 @@ def state_uneven(error: float, joints: Sequence[str], each: Array, **given: bool
     return [Finding("uneven", joint=joint, error=worst, together=error, **given)]
 
 
-def state_uneven_log(logs: Sequence[str], each: Array) -> list[Finding]:
+def state_uneven_log(logs: Sequence[str], each: Array, variations: Array) -> list[Finding]:
     """Return that the model errs far more on one log than on the others, if it does.
+
+    It errs more in N·m as well: the same error is a larger share of the torque of slow motion.
 
     Parameters
     ----------
@@ -453,13 +455,17 @@ def state_uneven_log(logs: Sequence[str], each: Array) -> list[Finding]:
         Only of three or more is one known to be the odd one.
     each : (k,)
         Error on each log, relative to the variation of its torque; nan without torque.
+    variations : (k,) [N or N·m]
+        That variation.
     """
     if np.count_nonzero(np.isfinite(each)) < 3:  # of two logs either may be the odd one
         return []
     worst = int(np.nanargmax(each))
     own = float(each[worst])
     others = float(np.nanmedian(np.delete(each, worst)))
-    if grade_of(own) == "very-good" or not own > RULES.uneven * others:
+    sizes = each * variations
+    errs_more = sizes[worst] > 2 * np.nanmedian(np.delete(sizes, worst))
+    if grade_of(own) == "very-good" or not (own > RULES.uneven * others and errs_more):
         return []
     return [Finding("uneven_log", log=logs[worst], error=own, others=others)]
 
