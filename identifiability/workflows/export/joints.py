@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from textwrap import shorten
 from typing import Any
 
+import numpy as np
+
 from identifiability.estimation.verdict import Class, Flag
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import INERTIAL_KINDS
@@ -22,6 +24,7 @@ def describe_joints(
     rows: Sequence[Mapping[str, Any]],
     values: Mapping[str, float],
     gains: Mapping[str, tuple[float, float]] | None = None,
+    share: float | None = None,
 ) -> tuple[str, ...]:
     """Return a line for each joint: gains, armature, damping and friction with their reliability.
 
@@ -36,24 +39,64 @@ def describe_joints(
         Standard parameters that are written.
     gains : mapping of str to (float, float), optional
         Those that logs determined, by joint and kind, with their standard deviations.
+    share : float, optional
+        Standard deviation of the bodies about the robot file's, as a share of them.
     """
     if not rows:
         return ()
+    limits = {} if share is None else _limit_rotors(robot, rows, values, share)
+    within = {
+        joint: phrase("exported", "within", low=low, high=high, share=share)
+        for joint, (low, high) in limits.items()
+    }
     lines = [
-        (joint, [*list_gains(gains or {}, joint), *_describe(robot, joint, rows, values)])
+        (joint, [*list_gains(gains or {}, joint), *_describe(robot, joint, rows, values, within)])
         for joint in robot.joints
     ]
     each = [f"{joint}: {', '.join(parts)}" for joint, parts in lines if parts]
-    far = [*_list_far(robot, rows, values)]
+    sure = {
+        f"{joint}.Ia"
+        for joint, (low, high) in limits.items()
+        if not low <= robot.nominal[f"{joint}.Ia"] <= high
+    }
+    far = [said for name, said in _list_far(robot, rows, values) if name not in sure]
     if far:
         each.append(phrase("exported", "far", values=far))
     # Names with line ends would break the lines of a patch.
     return tuple(map(for_terminal, each))
 
 
+def _limit_rotors(
+    robot: Robot,
+    rows: Sequence[Mapping[str, Any]],
+    values: Mapping[str, float],
+    share: float,
+) -> dict[str, tuple[float, float]]:
+    """Return 95 % limits of rotors whose sums with bodies the logs determine.
+
+    The bodies' part of a sum is the file's within two standard deviations. Rotors that are written
+    beyond these limits have none, because then the bodies are not the file's.
+    """
+    found = {}
+    for joint in robot.joints:
+        name, label = f"{joint}.Ia", _label(robot, joint, "Ia")
+        sums = (row for row in rows if row["label"].endswith(f" + {label}"))
+        row = next(sums, None)
+        if row is None or row["verdict"] != Class.IDENTIFIABLE or row["nominal"] is None:
+            continue
+        bodies = row["nominal"] - robot.nominal.get(name, 0.0)
+        spread = 2 * share * abs(bodies)
+        low, high = row["interval95"]
+        limits = low - bodies - spread, high - bodies + spread
+        alone = row["label"].count("Ia(") == 1
+        if alone and limits[0] <= values.get(name, np.nan) <= limits[1]:
+            found[joint] = max(0.0, limits[0]), limits[1]
+    return found
+
+
 def _list_far(
     robot: Robot, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
-) -> Iterator[str]:
+) -> Iterator[tuple[str, str]]:
     """Yield masses and rotors unlike the file's that the logs know only as parts of sums."""
     sure = {row["label"] for row in rows if row["verdict"] == Class.IDENTIFIABLE}
     pairs = [(body, "m") for body in robot.bodies]
@@ -65,7 +108,7 @@ def _list_far(
             continue
         value = values[name]
         if not stated / RULES.another_robot <= value <= RULES.another_robot * stated:
-            yield f"{name} {format_number(value, 2)} (file: {format_number(stated, 2)})"
+            yield name, f"{name} {format_number(value, 2)} (file: {format_number(stated, 2)})"
 
 
 def state_doubted(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -81,7 +124,11 @@ def _label(robot: Robot, place: str, kind: str) -> str:
 
 
 def _describe(
-    robot: Robot, joint: str, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
+    robot: Robot,
+    joint: str,
+    rows: Sequence[Mapping[str, Any]],
+    values: Mapping[str, float],
+    within: Mapping[str, str],
 ) -> Iterator[str]:
     """Yield the numbers of a joint, each with its error or the reason why it has none."""
     for word, kind in WORDS.items():
@@ -93,6 +140,9 @@ def _describe(
         if row is not None and row["interval95"] and row["verdict"] == Class.IDENTIFIABLE:
             low, high = row["interval95"]
             yield f"{word} {measured(value, 0.5 * (high - low))}"
+            continue
+        if kind == "Ia" and joint in within:
+            yield f"{word} {format_number(value, 3)} ({within[joint]})"
             continue
         mixed = [r["label"] for r in rows if label in r["label"]]
         yield f"{word} {format_number(value, 3)} ({_explain(row, mixed)})"

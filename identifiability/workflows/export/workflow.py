@@ -93,7 +93,9 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
     heavy = [b for b, mass in masses.items() if mass > ROUNDOFF * sum(masses.values())]
     missing = [b for b in heavy if not abs(given.get(f"{b}.m", 0.0)) > SMALLEST]
     if missing:
-        raise IdentifiabilityError(phrase("exported", "massless", path=path, bodies=missing))
+        held = robot.base is not None and len(missing) < len(heavy)
+        why = "stand" if held else "massless"
+        raise IdentifiabilityError(phrase("exported", why, path=path, bodies=missing))
     whole = complete_values(robot, given, keep=False)
     for body in robot.bodies:
         numbers = np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS])
@@ -541,7 +543,9 @@ def _describe_joints(
 ) -> tuple[str, ...]:
     """Return a line for each joint of a result: its numbers with their reliability."""
     gains = content.fit.servo if content.fit else {}
-    return describe_joints(robot, content.parameters, given, gains)
+    weight = content.physical.cad_prior if content.rollout is not None else 0.0
+    share = (2 * weight) ** -0.5 if weight else None  # as `analyze` makes the weight
+    return describe_joints(robot, content.parameters, given, gains, share)
 
 
 def _add_snippet(robot: Robot, found: Exported) -> Exported:
