@@ -66,7 +66,7 @@ def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
     out = export(robot, path, path.with_name("fitted.xml"), force=True).robot
     text = out.read_text()
     assert re.search(r"Commands act [\d.]+ ms after their rows?", text)
-    assert "for its own step of 1 ms" in text
+    assert "for its own step of 1 ms" in text and "let commands act 0.5 ms later" in text
     model = mujoco.MjModel.from_xml_path(str(out))
     assert (model.nu, model.opt.timestep) == (2, 0.001)
     assert_allclose(model.actuator_gainprm[:, 0], [1200, 300])
