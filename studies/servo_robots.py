@@ -197,7 +197,9 @@ def record(
             now, told = np.full(n, t), (commands, speeds)[: 1 + how.speeds]
             rows.append((t, *seen, *(x for c in told for x in _held(c, now, sent))))
             following += 1 / how.rate
-        machine.advance(tau)
+        object_at = fault.at("object", n)
+        beyond = np.maximum(q - object_at, 0.0) * (object_at > 0)
+        machine.advance(tau - 10.0 * servo.kp * beyond)
     kinds = ("q", "cmd", "dq_cmd")[: 2 + how.speeds]
     names = [f"{j}.{kind}" for kind in kinds for j in joints]
     return pd.DataFrame(rows, columns=["t", *names])

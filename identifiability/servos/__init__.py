@@ -4,8 +4,8 @@ This is the one door of the room: other rooms import from here alone. `torque` c
 of servos from their commands. `rollouts` fits joints, bodies, delays and gains to measured
 positions, by the search of `problem`, which begins at `start`. `gains` states the gains.
 `odd_joints` names play, wrong gains and limits, `standing` the effect that holds joints at rest.
-`calibration` subtracts the error of recording from the torque. `follow` does all of this for the
-logs of a verb.
+`contacts` leaves out joints that something outside the robot holds. `calibration` subtracts the
+error of recording from the torque. `follow` does all of this for the logs of a verb.
 
 It imports MuJoCo, so verbs import it inside functions.
 """
@@ -18,7 +18,7 @@ from .fit import fit_rollouts, follows_better
 from .follow import delay_commands, follow_commands
 from .gains import file_shares, learn_gains, select_commanded, state_gains
 from .odd_joints import find_odd_joints
-from .positions import forgotten
+from .positions import forgotten, rms_of_judged
 from .rollouts import Rollouts
 from .standing import state_standing
 from .start import settle_joints
@@ -39,6 +39,7 @@ __all__ = [
     "forgotten",
     "learn_gains",
     "moving_commands",
+    "rms_of_judged",
     "roll_delayed",
     "select_commanded",
     "servo_log",

@@ -23,7 +23,7 @@ from identifiability.regression.structure import Structure
 from identifiability.simulation.rollout import CommandedRobot
 
 from .descent import descend
-from .positions import forgotten, record
+from .positions import are_aside, forgotten, record
 from .problem import RolloutProblem
 from .rollouts import KINDS
 from .torque import servo_log
@@ -107,7 +107,7 @@ def calibrate_torque(
         left[one.rows] += np.where(like, one.residual, 0.0)
         count[one.rows] += like
     unlike = count == 0
-    lost = ~moves | (unlike & turns) | log.is_unmeasured
+    lost = ~moves | (unlike & turns) | log.is_unmeasured | are_aside(log)
     lost[: forgotten(log)] = True
     if log.q_ref is not None:  # friction holds a joint whose command stands
         lost[:, np.ptp(log.q_ref, axis=0) == 0] = True

@@ -95,10 +95,24 @@ def fit_rollouts(
     return conclude(problem, end)
 
 
-def refit_rollouts(found: Rollouts, logs: Sequence[Log]) -> Rollouts:
-    """Return rollouts that follow other versions of their logs, from where their search ended."""
+def refit_rollouts(
+    found: Rollouts, logs: Sequence[Log], joints: np.ndarray | None = None
+) -> Rollouts:
+    """Return rollouts that follow other versions of their logs, from where their search ended.
+
+    Parameters
+    ----------
+    found : Rollouts
+    logs : sequence of Log
+    joints : (n,) bool, optional
+        Joints that begin again, because their data have changed much.
+    """
     problem = _follow_versions(found, logs)
-    return conclude(problem, descend(problem, found.search[1].x))
+    x = found.search[1].x
+    if joints is None or not joints.any():
+        return conclude(problem, descend(problem, x))
+    begun = descend(problem, restart_joints(problem, x, joints), BEGUN)
+    return conclude(problem, descend(problem, leave_bounds(problem, begun).x))
 
 
 def approach_rollouts(found: Rollouts, logs: Sequence[Log]) -> Rollouts:

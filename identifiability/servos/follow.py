@@ -30,7 +30,8 @@ from identifiability.simulation.rollout import CommandedRobot
 
 from .arrivals import leave_out_irregular, move_commands
 from .calibration import calibrate_torque, prepare_recording
-from .fit import approach_rollouts, divide_gains, fit_rollouts, refit_rollouts
+from .contacts import fit_unblocked, set_aside_blocked, state_blocked
+from .fit import approach_rollouts, divide_gains, refit_rollouts
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints, state_held_out_limits
 from .rollouts import Rollouts, are_contradicted
@@ -102,9 +103,11 @@ def follow_commands(
     for log in logs:
         check_units(robot, [log])
     try:
-        found = servo.rolled or fit_rollouts(
-            robot, logs, file_shares(robot), servo.delay, say, first
-        )
+        if servo.rolled:
+            found = servo.rolled
+            aside = [set_aside_blocked(robot, log, found) for log in logs]
+        else:
+            found, aside = fit_unblocked(robot, logs, file_shares(robot), say, first)
     except RobotError as error:
         return _without_rollouts(recordings, servo, error), structure
     slide = CommandedRobot(robot, found.parameters).distance(found.numbers)
@@ -112,7 +115,7 @@ def follow_commands(
     robot = replace(robot, servo=servo)
     structure = replace(structure, robot=robot)
     say("checking each joint", 0.35)
-    moved, irregular, found = locate_commands(structure, logs, found, how, rng.spawn(1)[0])
+    moved, irregular, found = locate_commands(structure, aside, found, how, rng.spawn(1)[0])
     if servo.rolled and irregular:
         robot = replace(robot, servo=with_numbers(servo, found))
     servos = identify_servos(robot, moved, found)
@@ -120,7 +123,17 @@ def follow_commands(
     every = [*recordings.fitted]
     for k, log in zip(at, moved, strict=True):
         every[k] = log
-    recordings = replace(recordings, fitted=tuple(every))
+    held_out = [
+        set_aside_blocked(robot, log, found) if of_commands(log) else log
+        for log in recordings.held_out
+    ]
+    blocked = state_blocked([*logs, *recordings.held_out], [*aside, *held_out])
+    recordings = replace(
+        recordings,
+        fitted=tuple(every),
+        held_out=tuple(held_out),
+        hints=(*blocked, *recordings.hints),
+    )
     # Rollouts of a structure need no record of how its gains were found.
     plain = replace(servos.robot, servo=replace(servos.servo, rolled=None))
     structure = replace(structure, robot=plain)

@@ -23,7 +23,7 @@ from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot
 from identifiability.robot.servo import FOUND, Servo, state_gain
 
-from .fit import fit_rollouts
+from .contacts import fit_unblocked
 from .rollouts import Rollouts
 from .torque import set_aside_joints
 
@@ -62,7 +62,7 @@ def learn_gains(robot: Robot, logs: Sequence[Log], say: Progress, first: First |
     shares = file_shares(robot)
     if not shares:
         raise RobotError(Finding("gains.massless", robot.path))
-    found = fit_rollouts(robot, commanded, shares, robot.servo.delay, say, first)
+    found, _ = fit_unblocked(robot, commanded, shares, say, first)
     text = state_gains(robot, [x.name for x in commanded], found, shares)
     servo = replace(with_numbers(robot.servo, found), found=text, rolled=found)
     return replace(robot, servo=servo)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
@@ -12,6 +15,9 @@ from identifiability.logs.spectrum import noise_level, resolution
 
 #: Longest delay that is searched for [s].
 LATEST: Tolerance = 0.06
+
+#: Time for which a command and its joint stand before the joint is at rest [s].
+RESTING: Tolerance = 0.3
 
 #: Time after which the start of a rollout no longer matters with soft servos [s].
 FORGOTTEN: Tolerance = 0.75
@@ -24,6 +30,42 @@ def forgotten(log: Log) -> int:
     """
     row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
     return min(row, int(0.25 * len(log)))
+
+
+def resting_rows(log: Log) -> int:
+    """Return the rows for which a joint stands before it is at rest."""
+    return max(round(RESTING / signals.sampling_step(log.t)), 2)
+
+
+def are_aside(log: Log) -> np.ndarray:
+    """Return rows in which a joint is no data, as it moves as it was measured, (N, n) bool.
+
+    Its command is its position there. What held the joint acts before it rests, and until it is let
+    go, so that rows nearby are no data either.
+    """
+    if log.q_ref is None or log.unmeasured is None:
+        return np.zeros(log.q.shape, bool)
+    aside = log.unmeasured & (log.q_ref == log.q)
+    near: np.ndarray = maximum_filter1d(aside, 2 * resting_rows(log) + 1, axis=0)
+    return near
+
+
+def rms_of_judged(errors: Sequence[Array], logs: Sequence[Log]) -> Array:
+    """Return errors (rms) by joint over the rows in which joints are data, (n,).
+
+    All rows count of a joint that is nowhere data.
+
+    Parameters
+    ----------
+    errors : sequence of (N, n)
+        Of the last N rows of each log.
+    logs : sequence of Log
+    """
+    rows = [~are_aside(log)[len(log) - len(x) :] for x, log in zip(errors, logs, strict=True)]
+    judged = np.concatenate(rows)
+    judged |= ~judged.any(0)
+    squares = np.where(judged, np.concatenate(errors) ** 2, 0.0)
+    return np.sqrt(squares.sum(0) / judged.sum(0))
 
 
 def encoder_noise(log: Log) -> Array:

@@ -255,12 +255,12 @@ class RolloutProblem:
     def differences(self, q: list[Array]) -> Array:
         """Return errors of positions in the judged rows, (N, n).
 
-        They are one where a rollout diverged, and zero where the command of a joint is constant.
+        They are one where a rollout diverged, and zero where a joint is not judged.
         """
         errors = []
         for rolled, window in zip(q, self.windows, strict=True):
             log = window.rows
-            error = np.nan_to_num(rolled - log.q, nan=1.0) * window.moves
+            error = np.nan_to_num(rolled - log.q, nan=1.0) * window.judged
             errors.append(error[forgotten(log) :])
         return np.concatenate(errors)
 
@@ -272,9 +272,9 @@ class RolloutProblem:
 
     def errors(self, q: list[Array]) -> Array:
         """Return errors of positions (rms) by joint where its command moves, (n,)."""
-        judged = np.diff(self.rows())[:, None] * self.moves
+        judged = [window.judged[forgotten(window.rows) :].sum(0) for window in self.windows]
         squares = np.sum(self.differences(q) ** 2, axis=0)
-        return np.sqrt(squares / np.maximum(judged.sum(0), 1))
+        return np.sqrt(squares / np.maximum(np.sum(judged, axis=0), 1))
 
     def missed(self, q: list[Array]) -> Array:
         """Return errors as shares of the explicable motion, (n,): medians over windows."""

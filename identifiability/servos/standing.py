@@ -10,15 +10,11 @@ import numpy as np
 
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, signals
+from identifiability.logs import Log
 from identifiability.simulation.rollout import CommandedRobot
 
-from .positions import encoder_noise
-
-#: Time for which a command and its joint stand before the joint is at rest [s].
-RESTING: Tolerance = 0.3
+from .positions import encoder_noise, resting_rows
 
 #: Effects, in the order of the parts of a distance.
 EFFECTS = ("constant", "follows", "scatters")
@@ -100,7 +96,7 @@ def _list_rests(log: Log, joint: int) -> Iterator[Rest]:
     """Yield the rests of a joint."""
     assert log.q_ref is not None
     command = log.q_ref[:, joint]
-    rows = max(round(RESTING / signals.sampling_step(log.t)), 1)
+    rows = resting_rows(log)
     noise = 3.0 * encoder_noise(log)[joint]
     changes = np.flatnonzero(np.diff(command)) + 1
     for start, stop in pairwise([0, *changes.tolist(), len(command)]):

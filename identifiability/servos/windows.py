@@ -12,7 +12,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 
-from .positions import encoder_noise, explicable
+from .positions import are_aside, encoder_noise, explicable
 
 #: Total length of the windows that are rolled out [s]. Longer windows add little information.
 LONG: Tolerance = 36.0
@@ -45,6 +45,12 @@ class Window:
     def explicable(self) -> Array:
         """Explicable motion of the joints (rms), (n,) [rad or m]."""
         return explicable(self.rows)
+
+    @cached_property
+    def judged(self) -> np.ndarray:
+        """Rows in which positions of a joint are compared, (N, n) bool."""
+        judged: np.ndarray = self.moves & ~are_aside(self.rows)
+        return judged
 
     @staticmethod
     def of(k: int, log: Log, start: int, stop: int) -> Window:

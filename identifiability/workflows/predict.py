@@ -1212,10 +1212,13 @@ class PositionPrediction(Result):
     @property
     def from_commands(self) -> Array:
         """Distance of measured positions from commanded ones (rms), (n,) [rad or m]."""
-        apart = [log.q_ref - log.q for log in self.logs if log.q_ref is not None]
+        from identifiability.servos import rms_of_judged  # noqa: PLC0415 - MuJoCo
+
+        commanded = [log for log in self.logs if log.q_ref is not None]
+        apart = [log.q_ref - log.q for log in commanded]
         if not apart:
             return np.full(len(self.robot.joints), np.nan)
-        return np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0))
+        return rms_of_judged(apart, commanded)
 
     @property
     def noise(self) -> Array:
@@ -1479,7 +1482,7 @@ def _move(
     robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log], known: Any = None
 ) -> Simulated:
     """Return the motion of a robot with some values along logs, with the delay of each."""
-    from identifiability.servos import forgotten, roll_delayed  # noqa: PLC0415 - MuJoCo
+    from identifiability.servos import forgotten, rms_of_judged, roll_delayed  # noqa: PLC0415 - MuJoCo
     from identifiability.simulation.rollout import CommandedRobot, drive  # noqa: PLC0415
 
     late = list[float]()
@@ -1497,5 +1500,5 @@ def _move(
         late.append(delay)
         found.append(q)
         apart.append((q - log.q)[starts[k] :])
-    errors = np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0))
+    errors = rms_of_judged(apart, logs)
     return Simulated(name, tuple(late), tuple(found), errors, starts)
