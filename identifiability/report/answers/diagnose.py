@@ -585,9 +585,12 @@ def table_refitted(d: Diagnosis) -> Table | None:
         if name in old and name in new:
             without = measured(old[name], new[name][1], new[name][2]).partition(" ±")[0]
             rows.append((sentence("values", kind), without, measured(*new[name])))
+    if not rows:
+        return None
     title = title_of(effects[0].name)
-    rows += [(Cell(title, note=name), NONE, measured(*size)) for name, *size in most.rows if rows]
-    return make_table("refitted", rows, joint=most.place) if rows else None
+    for name, value, error, unit in most.rows:
+        rows.append((Cell(title, note=name), NONE, measured(value, error, unit)))
+    return make_table("refitted", rows, joint=most.place)
 
 
 def _state_shape(d: Diagnosis, family: str, p: Placement) -> str:
