@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
@@ -178,16 +179,20 @@ def _answer_load(result: Load) -> Answer:
     return Answer(question, result.answer, text, tone, more=_state_readings(result))
 
 
-def _state_error(result: Load) -> str:
-    """Return the error of the load's torque at the joint that feels it most."""
+def _state_error(result: Load) -> tuple[str, bool]:
+    """Return the error of the load's torque at the joint that feels it most; whether it is large.
+
+    A large one may move the load by more than the share up to which a number is identifiable.
+    """
     torque, robot = result.estimate.torque, result.robot
     joint = int(np.nansum(torque.explained**2, axis=0).argmax())
     rms, share = (float(x[joint]) for x in torque.errors)
     if not np.isfinite(share):
-        return ""
+        return "", False
     size = f"{format_number(rms, 3)} {robot.torque_units[joint]}"
     name = robot.joints[joint]
-    return sentence("payload.load", "error", joint=name, rms=size, share=share)
+    text = sentence("payload.load", "error", joint=name, rms=size, share=share)
+    return text, 100.0 * share > Thresholds().sigma_percent
 
 
 def _state_readings(result: Load) -> str:
@@ -234,12 +239,14 @@ def _answer_trust(result: Load) -> Answer:
         part = "warning"
     lacks = _list_missing(result) or result.estimate.lacks
     apart = ""
+    error, is_large = _state_error(result)
     if lacks:
         part, text = "robot", sentence(about, "alone")
         if result.without:
-            text = "" if first or result.caveats else sentence(about, "paired", lacks=lacks)
-            apart = sentence(about, "apart", without=shorten_paths(result.without))
-    text = join_sentences(text, _state_error(result))
+            paired = "large" if is_large else "paired"
+            text = "" if first or result.caveats else sentence(about, paired, lacks=lacks)
+            apart = sentence(about, "apart", without=shorten_paths(result.without), large=is_large)
+    text = join_sentences(text, error)
     names = [c.called for c in changes]
     found = sentence(about, "found", names=names) if changes else ""
     more = join_sentences(apart, found, *result.caveats)
