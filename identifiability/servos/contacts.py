@@ -28,9 +28,6 @@ from .windows import Window
 #: How many times further away than where friction lets go the command of a blocked joint is.
 FURTHER: Tolerance = 2.25
 
-#: Joints begin again where something else held them for a larger share of their rows.
-MANY: Tolerance = 0.1
-
 
 def fit_unblocked(
     robot: Robot,
@@ -57,7 +54,8 @@ def fit_unblocked(
         lost = _lost_share(before, after)
         if not lost.any():
             break
-        found = refit_rollouts(found, aside, lost > MANY)
+        # Where a tenth of its rows was no data, the search was far from the joint's numbers.
+        found = refit_rollouts(found, aside, lost > 0.1)
     return found, aside
 
 
@@ -126,15 +124,27 @@ def find_blocked(machine: CommandedRobot, log: Log) -> np.ndarray:
     apart = log.q_ref - log.q - machine.gravity(log.q) / np.where(gain > 0, gain, 1.0)
     rows = resting_rows(log)
     for j, of_joint in rests.items():
-        limits = _friction_limits(apart[:, j], log.q[:, j], of_joint, rows)
-        if limits is None:
-            continue
-        middle, reach = limits
-        is_far = np.abs(apart[:, j] - middle) > FURTHER * reach
-        for start, stop in of_joint:
-            # A command that jumps is far away until it acts.
-            blocked[start:stop, j] = np.sum(is_far[start:stop]) > rows
+        blocked[:, j] = _find_held_rests(apart[:, j], log.q[:, j], of_joint, rows)
     return blocked
+
+
+def _find_held_rests(
+    apart: Array, q: Array, rests: Sequence[tuple[int, int]], rows: int
+) -> np.ndarray:
+    """Return rows of the rests at which more than friction holds a joint, (N,) bool.
+
+    Parameters are those of `_friction_limits`.
+    """
+    held = np.zeros(len(q), bool)
+    limits = _friction_limits(apart, q, rests, rows)
+    if limits is None:
+        return held
+    middle, reach = limits
+    is_far = np.abs(apart - middle) > FURTHER * reach
+    for start, stop in rests:
+        # A command that jumps is far away until it acts.
+        held[start:stop] = np.sum(is_far[start:stop]) > rows
+    return held
 
 
 def list_rests(log: Log, joint: int) -> list[tuple[int, int]]:
