@@ -143,7 +143,7 @@ def find_exchanged(log: Log) -> dict[str, str]:
 def state_exchanged(exchanged: Mapping[str, str]) -> list[str]:
     """Return which joint follows the command of which other joint, as words."""
     return [
-        phrase("commands_exchanged", "pair", joint=joint, other=other)
+        phrase("servos.unfollowed", "pair", joint=joint, other=other)
         for joint, other in exchanged.items()
     ]
 
