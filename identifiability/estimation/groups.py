@@ -26,7 +26,7 @@ from identifiability.foundation.linalg import (
     triangular_factor,
 )
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
-from identifiability.foundation.rounding import join, state_probability
+from identifiability.foundation.rounding import ENDS, join, state_probability
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -669,11 +669,13 @@ class MissingEffects:
         shift[kept] = moved[sure].sum(0)
         sigma[kept] = np.sqrt(open_.sum(0))
         names = [""] * len(submodel)
-        named = np.zeros(len(submodel), bool)
-        for column, most in zip(kept, each.argmax(0).tolist(), strict=True):
-            names[column] = describe_term(self.shares[most].term)
-            named[column] = sure[most]
-        return LabelAlternatives(shift, sigma, tuple(names), named)
+        chance, change = np.zeros((2, len(submodel)))
+        most = each.argmax(0)
+        for at, (column, share) in enumerate(zip(kept, most.tolist(), strict=True)):
+            names[column] = describe_term(self.shares[share].term)
+            chance[column] = weight[share, at]
+            change[column] = moved[share, at]
+        return LabelAlternatives(shift, sigma, tuple(names), chance, change)
 
 
 @frozen
@@ -688,19 +690,27 @@ class LabelAlternatives:
         Standard deviation of that, by what is named and by one group more.
     names : tuple of str
         The group that matters most to each,
-    named : (k,) bool
-        and whether it is named.
+    chance : (k,)
+        its probability, 1 if it is named, NaN if it is unknown,
+    change : (k,)
+        and by how much the value is larger if it is present.
     """
 
     shift: Array
     sigma: Array
     names: tuple[str, ...]
-    named: np.ndarray
+    chance: Array
+    change: Array
+
+    @property
+    def rare(self) -> np.ndarray:
+        """Whether that group is rarer than the values above a 95 % interval, (k,) bool."""
+        return self.chance < ENDS[0]
 
     @staticmethod
     def none(k: int) -> LabelAlternatives:
         """Return that no group may be missing, for k values."""
-        return LabelAlternatives(np.zeros(k), np.zeros(k), ("",) * k, np.zeros(k, bool))
+        return LabelAlternatives(np.zeros(k), np.zeros(k), ("",) * k, *np.zeros((2, k)))
 
 
 NO_MISSING_EFFECTS = MissingEffects((), ())

@@ -350,11 +350,15 @@ def _remark(fit: Fit, k: int, ruling: Ruling, robust: float) -> str:
 
 def _say_missing(fit: Fit, k: int, without: Verdict, percent: float, part: str) -> str:
     """Return why a parameter loses the verdict that it would have without missing effects."""
-    assert fit.alternatives is not None
-    told = {"what": fit.alternatives.names[k], "value": without.value, "share": percent / 100}
+    missing = fit.alternatives
+    assert missing is not None
+    told = {"what": missing.names[k], "value": without.value, "share": percent / 100}
     told["used"] = fit.used[k]
     told |= {"known": without.sigma_label_percent / 100, "word": without.word}
-    lacks = "lacks" if fit.alternatives.named[k] else "may lack"
+    if part == "missing" and missing.rare[k]:
+        part = "rare"
+        told |= {"chance": missing.chance[k], "other": fit.value[k] - missing.change[k]}
+    lacks = "lacks" if missing.chance[k] == 1.0 else "may lack"
     return phrase("verdict", part, lacks=lacks, **told)
 
 

@@ -101,8 +101,7 @@ class _ModelRows:
         each = zip(chosen.verdicts, chosen.recommended.tolist(), chosen.departures, strict=True)
         self.structure = result.structure
         self.known = {v.name: (v, used, why) for v, used, why in each}
-        missing = chosen.fit.alternatives
-        self.effects = dict(zip(self.known, missing.names if missing else (), strict=False))
+        self.missing = chosen.fit.alternatives
         self.lacked = result.missing.functions
 
     def have(self, kind: str) -> bool:
@@ -117,16 +116,27 @@ class _ModelRows:
         verdict, used, why = self.known[name]
         sigma = verdict.sigma_label
         file = sentence("values", _find_part(verdict), value=_state_file(verdict.nominal, sigma))
-        effect = self.effects.get(name)
-        doubted = effect and Flag.IN_DOUBT in verdict.flags
-        lacks = "lacks" if effect in self.lacked else "may lack"
-        word = verdict.word
-        if doubted:
-            word = sentence("values", "doubt", effect=effect, lacks=lacks)
+        word = self._explain_doubt(verdict) or verdict.word
         note = f"{word}; {file}"
         more = sentence("values", "used", value=stated_text(used, sigma), why=why) if why else ""
         value = measured(verdict.value, sigma, verdict.unit)
         return Cell(value, verdict.value, note, verdict.look, more=more)
+
+    def _explain_doubt(self, verdict: Verdict) -> str:
+        """Return why a value is in doubt, if an effect that may be missing is the reason."""
+        missing = self.missing
+        if missing is None or Flag.IN_DOUBT not in verdict.flags:
+            return ""
+        k = [*self.known].index(verdict.name)
+        effect = missing.names[k]
+        if not effect:
+            return ""
+        if missing.rare[k]:
+            other = stated_text(verdict.value - missing.change[k], verdict.sigma_label)
+            chance = missing.chance[k]
+            return sentence("values", "rare", effect=effect, value=other, chance=chance)
+        lacks = "lacks" if effect in self.lacked else "may lack"
+        return sentence("values", "doubt", effect=effect, lacks=lacks)
 
     def show_mass(self, row: dict[str, Any] | None) -> Cell:
         """Return the mass of a body; only that of the file where others are added to it."""

@@ -170,12 +170,14 @@ def _doubt_spring(model: Any, joint: str, shifts: Array) -> Any:
     verdicts = list(model.verdicts)
     alternatives = model.fit.alternatives or LabelAlternatives.none(len(verdicts))
     names = list(alternatives.names)
+    chance = alternatives.chance.copy()
     what = phrase("verdict", "spring", joint=joint)
     for k, shift in enumerate(shifts.tolist()):
         v = verdicts[k]
         if v.verdict is Class.NOT_IDENTIFIABLE or not abs(shift) > v.sigma_label:
             continue
         names[k] = what
+        chance[k] = np.nan  # nothing tells it
         other = v.value - shift
         same_sign = np.sign(v.value) * other > REACH * v.sigma_label
         share = v.sigma_label_percent / 100
@@ -187,7 +189,7 @@ def _doubt_spring(model: Any, joint: str, shifts: Array) -> Any:
             reason=phrase("verdict", "mimicked", what=what, share=share, value=other),
             terms={**v.terms, "alternatives": reach},
         )
-    alternatives = replace(alternatives, names=tuple(names))
+    alternatives = replace(alternatives, names=tuple(names), chance=chance)
     fit = replace(model.fit, alternatives=alternatives)
     return replace(model, verdicts=tuple(verdicts), fit=fit)
 

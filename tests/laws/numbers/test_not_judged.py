@@ -111,7 +111,7 @@ def test_a_log_of_few_memories_is_not_judged_with_a_bootstrap_or_without():
 
 def test_values_that_no_verdict_stands_on_are_those_of_the_fit():
     fit = fit_of([1.0, 2.0], [0.01, 0.01])
-    missing = LabelAlternatives(np.ones(2), np.ones(2), ("friction", "friction"), np.ones(2, bool))
+    missing = LabelAlternatives(np.ones(2), np.ones(2), ("friction", "friction"), *np.ones((2, 2)))
     verdicts = judged(fit, fit_known(fit, note="Too short.", alternatives=missing))
     assert [v.value for v in verdicts] == [1.0, 2.0]
 

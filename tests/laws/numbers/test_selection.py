@@ -10,13 +10,7 @@ from numpy.testing import assert_allclose
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
-from identifiability.estimation.groups import (
-    NO_MISSING_EFFECTS,
-    JointRows,
-    LabelAlternatives,
-    MissingEffects,
-    Share,
-)
+from identifiability.estimation.groups import NO_MISSING_EFFECTS, JointRows, MissingEffects, Share
 from identifiability.estimation.prediction import Prediction
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
@@ -196,24 +190,41 @@ def test_signs_that_physics_forbids_are_named_and_make_a_model_impossible(ladder
     assert not results[1].feasible  # the certificate says so
 
 
+PART = submodel("full", [0], "a", [0])
+
+
+def judge_beside(ladder, *shares, named=0):
+    model = fitted_model(PART, ladder[2], np.ones(4))
+    return decide_model(model, 1.0, default_rng(0), 0, None, lacking(*shares, named=named))
+
+
 def test_a_value_that_missing_effects_move_to_a_forbidden_sign_is_in_doubt(ladder):
-    model = fitted_model(submodel("full", [0], "a", [0]), ladder[2], np.ones(4))
-    moved = LabelAlternatives(np.array([3.0]), np.array([0.1]), ("play",), np.array([True]))
-    missing = SimpleNamespace(of_labels=lambda *_: moved)
-    _, (found,), infeasible = decide_model(model, 1.0, default_rng(0), 0, None, missing)
+    _, (found,), infeasible = judge_beside(ladder, (1.0, 3.0), named=1)
     assert (found.word, infeasible) == ("not identifiable, model in doubt", ())
 
 
-def test_a_prior_holds_a_value_that_rows_hardly_determine_against_missing_effects(ladder):
+def lacking(*shares, rows=1.0, named=0):
     at, one = np.arange(1), np.ones((1, 1))
-    weak = JointRows(at, 1e-6 * one, at, one)
     term = SimpleNamespace(group=SimpleNamespace(family="stribeck_friction", place="j"))
-    share = Share(term, 1.0, 1.0, at, one[0], 0 * one)
-    model = fitted_model(submodel("full", [0], "a", [0]), ladder[2], np.ones(4))
-    estimate = replace(model.estimate, weights=one[0])
-    told = MissingEffects((term,), (share,), (weak,)).of_labels
-    shifts = [told(model.submodel, estimate, known).shift for known in (None, np.eye(1, 2))]
+    own = tuple(Share(term, p, p, at, value * one[0], 0 * one) for p, value in shares)
+    return MissingEffects((term,) * named, own, (JointRows(at, rows * one, at, one),) * 2)
+
+
+def test_a_prior_holds_a_value_that_rows_hardly_determine_against_missing_effects():
+    told = lacking((1.0, 1.0), rows=1e-6, named=1).of_labels
+    estimate = SimpleNamespace(kept=(0,), weights=np.full(2, 0.5))
+    shifts = [told(PART, estimate, known).shift for known in (None, np.eye(1, 2))]
     assert_allclose(np.ravel(shifts), [1e6, 1e-6])
+
+
+def test_a_doubt_by_a_rare_effect_states_its_probability_and_the_other_value(ladder):
+    rare, frequent = (0.004, -20.0), (0.1, -30.0)
+    for shares, says in (
+        ([rare], "friction in j (probability 0.4 %), this would be 21"),
+        ([rare, frequent], "may lack"),
+    ):
+        _, (found,), _ = judge_beside(ladder, *shares)
+        assert says in found.reason
 
 
 def test_verdicts_say_what_a_column_cannot_be_told_from(ladder):
