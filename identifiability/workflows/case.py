@@ -34,6 +34,7 @@ from identifiability.estimation.motion import MotionChoice, choose_motion, read_
 from identifiability.estimation.search import find_missing
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.quoting import for_toml
 from identifiability.foundation.rounding import measured
@@ -91,8 +92,10 @@ MISREAD = (
 SENSOR_ERRORS = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
 COMPLETED = SENSOR_ERRORS | {PassiveJointFriction.name}
 
-#: Fitted scales of the torque by joint: the share, and half of its 95 % interval (NaN without one).
-Scales = Mapping[str, tuple[float, float]]
+#: Fitted errors of the torque's columns by name, and half of each 95 % interval (NaN without one).
+Measured = Mapping[str, tuple[float, float]]
+#: Kinds of errors in time, with the phrase that says how to correct them.
+CLOCKS = {ClockError.name: ("lead", "later"), TimeDelay.name: ("delay", "earlier")}
 
 #: Text after the statement of a reading that is used.
 SO = "All results use this reading."
@@ -192,11 +195,11 @@ class Data(OfStructure):
     lacked: MissingEffects | None = None
     completed: tuple[Share, ...] = ()
 
-    def remarks(self, scales: Scales) -> tuple[str, ...]:
+    def remarks(self, fitted: Measured) -> tuple[str, ...]:
         """Return the findings, with one on errors of measurement that the model got."""
         if not self.completed:
             return self.hints
-        return (*self.hints, describe_completed(self.completed, self.robot, scales))
+        return (*self.hints, describe_completed(self.completed, self.robot, fitted))
 
     @property
     def question(self) -> Reading | None:
@@ -1007,12 +1010,13 @@ def ask_for_unit(share: Share) -> Finding:
     return Finding("question", text=text)
 
 
-def state_gains(scales: Scales, robot: Robot) -> str:
+def state_gains(fitted: Measured, robot: Robot) -> str:
     """Return the gains by which the sidecar corrects wrong scales of the torque.
 
     The text is empty if several motors make the torque of such a joint.
     """
-    columns = {robot.torque_column(joint): scale for joint, scale in scales.items()}
+    scales = {name: pair for name, pair in fitted.items() if name.endswith(".scale")}
+    columns = {robot.torque_column(n.removesuffix(".scale")): pair for n, pair in scales.items()}
     if not columns or "" in columns:
         return ""
     factors = {name: 1.0 / (1.0 + scale) for name, (scale, _) in columns.items()}
@@ -1026,22 +1030,29 @@ def state_gains(scales: Scales, robot: Robot) -> str:
     return phrase("alternative", "scaled", gains=for_toml(gains), errors=errors)
 
 
-def describe_completed(shares: Sequence[Share], robot: Robot, scales: Scales) -> Finding:
+def describe_completed(shares: Sequence[Share], robot: Robot, fitted: Measured) -> Finding:
     """Return a doubt about columns, with the corrections of their clocks and scales.
 
-    The search knows a scale without the other values, so gains are those of the fitted scales.
+    The search knows a scale without the other values, and a time by the torque of the file. So
+    corrections are those of the fit.
     """
-    ways = {ClockError.name: "later", TimeDelay.name: "earlier"}
-    clocks = [s for s in shares if s.term.group.family in ways]
+    clocks = [s for s in shares if s.term.group.family in CLOCKS]
     what = [describe_term(s.term) for s in shares]
     parts = [phrase("alternative", "has", what=what)]
     if len(clocks) < len(shares):
-        parts.append(state_gains(scales, robot) or phrase("alternative", "columns"))
+        parts.append(state_gains(fitted, robot) or phrase("alternative", "columns"))
     for s in clocks:
-        precision = 1.0 / np.square(s.root).sum(0)
-        seconds = float(np.average(s.value, weights=precision))
-        holes = {"place": place_of(s.term), "time": 1000 * seconds}
-        parts.append(phrase("alternative", ways[s.term.group.family], **holes))
+        family, place = s.term.key
+        kind, way = CLOCKS[family]
+        joints = robot.joints if place == EVERYWHERE else [place]
+        each = [fitted[f"{joint}.{kind}"] for joint in joints if f"{joint}.{kind}" in fitted]
+        if each:
+            values, halves = np.transpose(each)
+            # Without an interval all joints count alike.
+            precision = ROUNDOFF + or_one(halves) ** -2.0
+            seconds = float(np.average(values, weights=precision))
+            holes = {"place": place_of(s.term), "time": 1000 * seconds}
+            parts.append(phrase("alternative", way, **holes))
     return Finding("alternative", text=f"{'. '.join(parts)}.")
 
 

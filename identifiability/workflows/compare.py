@@ -260,7 +260,10 @@ def compare(
         submodel = build_ladder(source.entry, unchanged.structure)[0]
         found, terms = find_changes(sides, unchanged.structure, submodel)
         changes = list_log_changes(found, terms, sides.names)
-        hints = (*_check_reading(case, unchanged, found.known.base, run), *unchanged.remarks({}))
+        base = found.known.base
+        pairs = zip(unchanged.structure.base.names, base.tolist(), strict=True)
+        times = {name: (x, float("nan")) for name, x in pairs if name.endswith((".delay", ".lead"))}
+        hints = (*_check_reading(case, unchanged, base, run), *unchanged.remarks(times))
         torque = DifferentTorque.of(found, terms, len(unchanged.validation))
     later, earlier = sides.paths
     return Comparison(

@@ -106,17 +106,15 @@ def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[
     return [*filter(None, found)]
 
 
-def list_scales(result: ModelResult) -> dict[str, tuple[float, float]]:
-    """Return the scales of the torque by joint, with half of their intervals (`case.Scales`).
+def list_measured(result: ModelResult) -> dict[str, tuple[float, float]]:
+    """Return fitted values, among them scales and delays of the torque (`case.Measured`).
 
     Where the logs determine only differences of scales, those of the nearest robot are returned.
     """
     physical = {} if result.physical is None else result.physical.parameters()
     found = {name: (value, np.nan) for name, value in physical.items()}
     alone = (v for v in result.verdicts if " " not in v.label)
-    found |= {v.name: (v.value, REACH * v.sigma_label) for v in alone}
-    ending = ".scale"
-    return {n.removesuffix(ending): scale for n, scale in found.items() if n.endswith(ending)}
+    return found | {v.name: (v.value, REACH * v.sigma_label) for v in alone}
 
 
 def say_excluded_offsets(result: ModelResult) -> Finding | str:
@@ -411,8 +409,8 @@ def conclude_analysis(
     results = assess_ladder(found, rng, settings["replicates"], missing)
     selected = select_model(results, found.near)
     results, nothing = doubt(data.misread, results, selected)
-    scales = list_scales(results[selected])
-    hints = [*data.remarks(scales), rows.outlier_hint, found.short]
+    fitted = list_measured(results[selected])
+    hints = [*data.remarks(fitted), rows.outlier_hint, found.short]
     hints += () if data.recordings.commanded else say_band(data.band)
     hints += say_delays(data.robot, missing)
     if not data.explained:  # exchanged columns, a wrong unit or late torque explain the rest

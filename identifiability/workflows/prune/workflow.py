@@ -63,7 +63,7 @@ from identifiability.workflows.analyze.result import WORSE
 from identifiability.workflows.analyze.shared_errors import SharedErrors, measure_shared_errors
 from identifiability.workflows.analyze.workflow import (
     choose_settings,
-    list_scales,
+    list_measured,
     predict_everywhere,
     say_band,
     say_of_fit,
@@ -295,7 +295,7 @@ def walk_down(
 def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> tuple[str, ...]:
     """Return findings on robot file, logs and their cut-off."""
     data = rows.data
-    hints = data.remarks(list_scales(models[selected]))
+    hints = data.remarks(list_measured(models[selected]))
     other = of_key(hints, "alternative")
     foreign = _state_foreign(models[0]) if data.validation else ""
     others = (hint for hint in hints if hint not in other)

@@ -1,5 +1,7 @@
 """What leaks from joint to joint, wrong scales, drifts and clocks: columns by hand."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -7,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from identifiability import IdentifiabilityError, Model, Robot
 from identifiability.effects.measurement import nominal_torque
 from identifiability.regression.structure import Structure
+from identifiability.workflows.case import describe_completed
 
 T = np.linspace(0, 2.5, 80)
 
@@ -49,6 +52,13 @@ def test_a_scale_is_a_share_of_the_joints_own_torque(polar, move, columns):
         assert unit == "1"
         assert_allclose(column[:, k], tau[:, k])
         assert not column[:, 1 - k].any()
+
+
+def test_a_remark_on_late_torque_states_the_fitted_delay(polar):
+    group = SimpleNamespace(family="time_delay", place="*")
+    share = SimpleNamespace(term=SimpleNamespace(group=group, key=("time_delay", "*"), places=()))
+    fitted = {"lift.delay": (0.004, 1e-4), "reach.delay": (0.008, 2e-4)}
+    assert "4.8 ms earlier" in describe_completed([share], polar, fitted)
 
 
 def test_a_clock_that_is_wrong_is_a_delay_that_cannot_be(polar, move):
