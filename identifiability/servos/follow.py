@@ -120,24 +120,41 @@ def follow_commands(
         robot = replace(robot, servo=with_numbers(servo, found))
     servos = identify_servos(robot, moved, found)
     say("calibrating torque", 0.55)
-    every = [*recordings.fitted]
-    for k, log in zip(at, moved, strict=True):
-        every[k] = log
-    held_out = [
-        set_aside_blocked(robot, log, found) if of_commands(log) else log
-        for log in recordings.held_out
-    ]
-    blocked = state_blocked([*logs, *recordings.held_out], [*aside, *held_out])
-    recordings = replace(
-        recordings,
-        fitted=tuple(every),
-        held_out=tuple(held_out),
-        hints=(*blocked, *recordings.hints),
-    )
+    recordings = _take_logs(recordings, at, moved, robot, found)
+    blocked = state_blocked(logs, aside)
+    recordings = replace(recordings, hints=(*blocked, *recordings.hints))
     # Rollouts of a structure need no record of how its gains were found.
     plain = replace(servos.robot, servo=replace(servos.servo, rolled=None))
     structure = replace(structure, robot=plain)
     return _calibrate(recordings, structure, servos, at, irregular, how, rng), structure
+
+
+def _take_logs(
+    recordings: Recordings, at: Sequence[int], fitted: Sequence[Log], robot: Robot, found: Rollouts
+) -> Recordings:
+    """Return recordings with other fitted logs, and held-out ones without rows of blocked joints.
+
+    Parameters
+    ----------
+    recordings : Recordings
+    at : sequence of int
+        Places of the fitted logs with commands.
+    fitted : sequence of Log
+        Which replace them.
+    robot : Robot
+    found : Rollouts
+        Of the fitted logs.
+    """
+    every = [*recordings.fitted]
+    for k, log in zip(at, fitted, strict=True):
+        every[k] = log
+    commanded = [log for log in recordings.held_out if of_commands(log)]
+    selected = {log.name: log.select(robot.joints) for log in commanded}
+    aside = {name: set_aside_blocked(robot, log, found) for name, log in selected.items()}
+    blocked = state_blocked([*selected.values()], [*aside.values()])
+    held_out = tuple(aside.get(log.name, log) for log in recordings.held_out)
+    hints = (*blocked, *recordings.hints)
+    return replace(recordings, fitted=tuple(every), held_out=held_out, hints=hints)
 
 
 def locate_commands(

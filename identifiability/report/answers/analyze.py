@@ -203,12 +203,16 @@ class LadderedPresenter(PredictingPresenter):
         known = values, np.array(stated), np.array(judged)
         missing = [(t.group.family, describe_term(t)) for t in result.missing.ordered]
         contradicted = state_contradicted(result.fit, result.full.submodel, *known, missing)
+        return (*super().warnings(), *self._uneven_logs(), *contradicted)
+
+    def _uneven_logs(self) -> tuple[str, ...]:
+        """Return which log errs much more than the others, if one does."""
+        result = self.result
         logs = self.error_frame().query("of == 'log'")
         errors = logs["error"].fillna(logs["error_validation"]).to_numpy(float)
         variations = [result.fitted.variation(k) for k in range(len(result.samples))]
         variations += [result.held_out.variation(k) for k in range(len(result.validation))]
-        uneven = state_uneven_log([*logs["name"]], errors, np.array(variations))
-        return (*super().warnings(), *uneven, *contradicted)
+        return tuple(state_uneven_log([*logs["name"]], errors, np.array(variations)))
 
     def errors(self) -> tuple[float, Array, Array]:
         """Return the errors of the values to use on unseen motion."""

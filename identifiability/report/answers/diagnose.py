@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
@@ -575,22 +575,36 @@ def table_refitted(d: Diagnosis) -> Table | None:
     if before is None or not placements:
         return None
     most = max(placements, key=lambda p: p.peak)
-    base = d.completed.base
-    sigma = np.sqrt(np.diag(d.fit.base_covariance))
     old = dict(zip(d.problem.plain.base.names, before.base, strict=True))
-    new = dict(zip(base.names, zip(d.fit.base, sigma, base.units, strict=True), strict=True))
-    rows: list[tuple[Any, ...]] = []
-    for kind in JOINT_KINDS:
-        name = f"{most.place}.{kind}"
-        if name in old and name in new:
-            without = measured(old[name], new[name][1], new[name][2]).partition(" ±")[0]
-            rows.append((sentence("values", kind), without, measured(*new[name])))
+    rows = _list_refitted(d, most.place, old)
     if not rows:
         return None
     title = title_of(effects[0].name)
     for name, value, error, unit in most.rows:
         rows.append((Cell(title, note=name), NONE, measured(value, error, unit)))
     return make_table("refitted", rows, joint=most.place)
+
+
+def _list_refitted(d: Diagnosis, joint: str, old: Mapping[str, float]) -> list[tuple[Any, ...]]:
+    """Return rows of the friction of a joint without an effect, and with it.
+
+    Parameters
+    ----------
+    d : Diagnosis
+    joint : str
+    old : mapping of str to float
+        Base parameters without the effect.
+    """
+    base = d.completed.base
+    sigma = np.sqrt(np.diag(d.fit.base_covariance))
+    new = dict(zip(base.names, zip(d.fit.base, sigma, base.units, strict=True), strict=True))
+    rows: list[tuple[Any, ...]] = []
+    for kind in JOINT_KINDS:
+        name = f"{joint}.{kind}"
+        if name in old and name in new:
+            without = measured(old[name], new[name][1], new[name][2]).partition(" ±")[0]
+            rows.append((sentence("values", kind), without, measured(*new[name])))
+    return rows
 
 
 def _state_shape(d: Diagnosis, family: str, p: Placement) -> str:
