@@ -367,6 +367,14 @@ def test_a_lock_leaves_the_friction_of_the_other_joints_as_it_is(tmp_path, frame
     assert_allclose(*rolled, atol=1e-9)
 
 
+def test_sweeps_solve_dry_friction_as_newtons_method_does(arm, frames):
+    machine = CommandedRobot(arm, TRUTH)
+    log = read(arm, frames[1])
+    swept = machine.roll(log)
+    machine.model.opt.solver = 2
+    assert_allclose(machine.roll(log), swept, atol=1e-9)
+
+
 def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames):
     logs = [read(arm, f) for f in frames]
     found = fit_rollouts(arm, logs[:1], {})

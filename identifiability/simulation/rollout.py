@@ -24,6 +24,7 @@ import scipy
 from mujoco import rollout
 
 from identifiability.foundation.errors import RobotError, listing
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
@@ -170,6 +171,7 @@ class CommandedRobot:
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         if self.model.ntree == 1:  # to divide one tree into islands takes time and changes nothing
             self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+        _choose_solver(self.model)
         self.places = ServoPlaces.of(self.model, robot)
         #: The last targets of servos along logs.
         self.acting = dict[Any, Array]()
@@ -459,6 +461,18 @@ class CommandedRobot:
         level = np.where(builds_up, friction, 1e-12)
         model.actuator_biasprm[self.bristles, 3:5] = level[:, None]
         model.actuator_dynprm[self.bristles, 5] = level / np.where(builds_up, distance, 1.0)
+
+
+def _choose_solver(model: Any) -> None:
+    """Choose Gauss–Seidel sweeps for a model whose only constraint is dry friction.
+
+    A step then takes about a fifth less time than by Newton's method. Couplings and ends of play
+    need that method.
+    """
+    others = model.neq + model.jnt_limited.any() + model.tendon_limited.any()
+    if not others:
+        model.opt.solver = mujoco.mjtSolver.mjSOL_PGS
+        model.opt.tolerance *= NEARLY
 
 
 def sum_errors(log: Log, servo: Servo, delay: float, dt: float) -> Array:
