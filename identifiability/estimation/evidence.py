@@ -448,7 +448,9 @@ def _sum_gain(each: Array, ratio: float) -> Gain:
     """Return the sum of gains of K folds, (K,), with its standard error."""
     K = len(each)
     apart = each - each.mean()  # np.var of a few numbers takes four times as long
-    spread = float(apart @ apart) / (K - 1) if K > 1 else np.inf
+    # A fold that a model cannot predict at all overflows: then the gain is unknown.
+    with np.errstate(over="ignore"):
+        spread = float(apart @ apart) / (K - 1) if K > 1 else np.inf
     sd = np.sqrt(spread * (1.0 / K + ratio))
     return Gain(float(each.sum()), float(K * sd))
 
