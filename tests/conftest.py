@@ -37,6 +37,9 @@ from . import skips
 
 ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
 #: Further mechanisms, which `make check-all` puts to the same laws.
+#: Scripts beside the package, whose modules tests import.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies"))
+
 MECHANISMS = ("delta", "3-rrr", "palletizer", "six-actuators")
 #: Files with tests of ten seconds.
 LONGEST = {"test_readme.py", "test_commands.py", "test_plugin.py", "test_ur10.py", "test_kuka.py"}

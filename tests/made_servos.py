@@ -1,16 +1,13 @@
 """The two-link arm with servos, and what its joints have beside its file."""
 
 import shutil
-import sys
 from pathlib import Path
+
+import servo_robots as servos
 
 from identifiability import Robot
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
-sys.path.insert(0, str(MODELS.parent / "studies"))
-
-import servo_robots as servos  # noqa: E402
-
 SIDECAR = """
 name = "Arm with servos"
 [servo]

@@ -1,6 +1,6 @@
-"""Torque of an exported robot file on roads that are not the library's: MuJoCo, Pinocchio.
+"""Torque of a robot file on roads that are not the library's, MuJoCo and Pinocchio, and on its own.
 
-None of them reads a sidecar. The tree's torque is theirs; closed chains are closed, and their
+Neither of the two reads a sidecar. The tree's torque is theirs; closed chains are closed, and their
 torque projected, by the library.
 """
 
@@ -10,8 +10,22 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from identifiability import Model
 from identifiability.robot.mjcf import quiet
 from identifiability.simulation.mujoco_robot import bare_urdf
+
+#: Everything that a file can state of torque.
+EFFECTS = (
+    "rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia", "torque_offset",
+    "passive_joint_friction", "joint_stiffness",
+)  # fmt: skip
+
+
+def nominal_torque(robot, motion):
+    """Return the torque (N, n) of the file's own values: the library's regressor times them."""
+    model = Model.of(*EFFECTS)
+    values = [robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)]
+    return model.regressor(robot, motion) @ np.array(values)
 
 
 def load_mujoco(path):

@@ -1,15 +1,8 @@
 """What people's robots and logs are like: studies/field_conditions.py in part."""
 
-import sys
-from pathlib import Path
-
+import field_conditions as study
 import pandas as pd
 import pytest
-
-STUDIES = Path(__file__).resolve().parents[1] / "studies"
-sys.path.insert(0, str(STUDIES))
-
-import field_conditions as study  # noqa: E402
 
 #: Numbers of small robots: one has a slide whose weight is an offset.
 SCARA, ARM = study.EVERY.index("scara"), study.EVERY.index("six-dof-arm")

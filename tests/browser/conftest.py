@@ -1,7 +1,6 @@
 """One browser for all tests, cut off from the network, and every kind of report to open in it."""
 
 import shutil
-import sys
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, partial
@@ -16,7 +15,6 @@ from identifiability.cli.verbs import run_demo
 from identifiability.robot.locate import locate_robot
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory
 
-STUDIES = Path(__file__).resolve().parents[2] / "studies"
 KINDS = ("demo", "comparison", "analysis", "pruning", "diagnosis", "table", "index")
 LONG = "a_joint_whose_name_is_" + "very_" * 12 + "long<script>alert(1)</script>"
 
@@ -115,8 +113,7 @@ def _hostile(folder):
     path = folder / "robot.xml"
     path.write_text(locate_robot("two-link").read_text().replace('"elbow"', f'"{name}"'))
     robot = Robot.load(path)
-    rng = default_rng(0)
-    return robot, _record(robot, rng)
+    return robot, _record(robot, default_rng(0))
 
 
 def _record(robot, rng):
@@ -129,8 +126,6 @@ def _record(robot, rng):
 def study(tmp_path_factory):
     """A function of the name of a study of the paper: its result and its page, made once."""
     folder = tmp_path_factory.mktemp("studies")
-    if str(STUDIES) not in sys.path:
-        sys.path.insert(0, str(STUDIES))
     command = import_module("paper_study.command")
     write = import_module("paper_study.page").write_study
 

@@ -2,28 +2,22 @@
 
 import numpy as np
 
-from identifiability import Model, simulate
+from identifiability import simulate
 from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion
 
-#: Everything that a file can state.
-EFFECTS = (
-    "rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia", "torque_offset",
-    "passive_joint_friction", "joint_stiffness",
-)  # fmt: skip
+from .. import roads
 
 
 def nominal_torque(robot, states):
     """Return the torque (N, n) of the file's own values at states, by the states' joints."""
-    model = Model.of(*EFFECTS)
     order = _order(robot.joints, states.joints)
     t = np.arange(len(states.q), dtype=float)
     given = (x[:, order] for x in (states.q, states.dq, states.ddq))
     motion = complete_motion(robot, t, *given)
     assert len(motion) == len(t), "loops were not closed at every state"
-    values = [robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)]
     tau = np.empty_like(states.tau)
-    tau[:, order] = model.regressor(robot, motion) @ np.array(values)
+    tau[:, order] = roads.nominal_torque(robot, motion)
     return tau
 
 

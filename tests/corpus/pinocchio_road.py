@@ -7,7 +7,8 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
-from mujoco_road import draw
+
+from .mujoco_road import draw
 
 
 def _with_limits(path):

@@ -3,15 +3,16 @@
 import mujoco
 import numpy as np
 import pytest
-from mujoco_road import MujocoRoad
 from numpy.testing import assert_allclose
-from our_road import nominal_torque, simulated_torque
-from pinocchio_road import PinocchioRoad
-from variants_mjcf import READ, REFUSED
-from variants_urdf import READ as READ_URDF
-from variants_urdf import REFUSED as REFUSED_URDF
 
 from identifiability import IdentifiabilityError, Robot
+
+from .mujoco_road import MujocoRoad
+from .our_road import nominal_torque, simulated_torque
+from .pinocchio_road import PinocchioRoad
+from .variants_mjcf import READ, REFUSED
+from .variants_urdf import READ as READ_URDF
+from .variants_urdf import REFUSED as REFUSED_URDF
 
 AGREE = 1e-9
 

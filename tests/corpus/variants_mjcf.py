@@ -4,7 +4,7 @@ Each is put into an otherwise plain robot of `robots_mjcf`. A sentence that refu
 must hold the word beside it.
 """
 
-from robots_mjcf import FORE, GEOM, HAND, HANDLE, HOME, MOTORS, UPPER, arm, ball_wrist, four_bar
+from .robots_mjcf import FORE, GEOM, HAND, HANDLE, HOME, MOTORS, UPPER, arm, ball_wrist, four_bar
 
 _MESH = '<asset><mesh name="wedge" {} vertex="0 0 0 0.3 0 0 0 0.2 0 0 0 0.1 0.3 0.2 0.05"/></asset>'
 _TOOL = '<geom type="mesh" mesh="wedge" pos="0.02 0.05 0.01"/>'

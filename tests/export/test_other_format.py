@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import Model, Robot, simulate
+from identifiability import Robot, simulate
 from identifiability.regression.structure import random_motion
 from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion
 from identifiability.workflows.export import write_parameters
 
-EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
-           "joint_stiffness", "passive_joint_friction")  # fmt: skip
+from ..roads import nominal_torque
 
 ARM = """<mujoco><compiler angle="radian"/><worldbody><body name="base" quat="0 1 0 0" pos="1 2 3">
   <body name="link1"><inertial mass="4" pos="0.3 0.02 0.01" diaginertia="0.03 0.1 0.11"/>
@@ -59,12 +58,6 @@ def load(name, folder):
     path.write_text(text)
     path.with_suffix(".toml").write_text(sidecar)
     return Robot.load(path)
-
-
-def nominal_torque(robot, motion):
-    model = Model.of(*EFFECTS)
-    phi = np.array([robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)])
-    return model.regressor(robot, motion) @ phi
 
 
 CASES = ("3-rps", "five-bar", "coupled", "locked", "tendon")

@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+import foreign_logs as study
 import pytest
 
 #: One of each family, in the default run.
@@ -17,28 +18,28 @@ SAMPLE = (
 )
 
 
-def test_a_sample_is_read_or_its_fault_is_named(study):
+def test_a_sample_is_read_or_its_fault_is_named():
     cases = [case for case in study.CASES if case.name in SAMPLE]
     assert len(cases) == len(SAMPLE)
     bad = {o.case.name: (o.outcome, o.said) for o in study.run(cases) if not o.good}
     assert bad == {}
 
 
-def test_there_are_a_hundred_of_other_names(study):
+def test_there_are_a_hundred_of_other_names():
     names = Counter(case.name for case in study.CASES)
     assert len(names) >= 100
     assert names.most_common(1)[0][1] == 1
 
 
 @pytest.mark.everything
-def test_all_are_read_or_their_fault_is_named(study):
+def test_all_are_read_or_their_fault_is_named():
     outcomes = list(study.run(study.CASES))
     found = {o.case.name: o.outcome for o in outcomes if not o.good}
     assert found == {}
 
 
 @pytest.mark.everything
-def test_good_logs_are_not_spoken_of(study):
+def test_good_logs_are_not_spoken_of():
     counts = study.false_frame(1, None).iloc[-1]
     assert counts["logs"] >= 100
     for what in study.FINDERS:

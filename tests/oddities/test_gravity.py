@@ -8,14 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Robot, analyze, prepare_log
-from identifiability.effects.nominal import gravity_torque
 from identifiability.regression.structure import Structure
-from identifiability.robot import complete_motion
 
-
-def weight(robot, log):
-    motion = complete_motion(robot, log.t, log.q, 0 * log.q, 0 * log.q)
-    return gravity_torque(robot, motion, robot.gravity)
+from ..diagnosis.test_reading import weight
 
 
 def with_sidecar(structure, tmp_path, torque):

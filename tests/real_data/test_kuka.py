@@ -2,6 +2,7 @@
 
 from functools import cache, partial
 
+import kuka_lwr4 as kuka
 import pytest
 
 from identifiability import Case, analyze, diagnose
@@ -13,35 +14,30 @@ module_fixture = pytest.fixture(scope="module")
 
 
 @module_fixture
-def kuka(study):
-    return study("kuka_lwr4")
-
-
-@module_fixture
 def folder(data):
     return data("kuka_lwr4")
 
 
 @module_fixture
-def robot(kuka, folder):
+def robot(folder):
     return kuka.load_robot(folder)
 
 
 @module_fixture
-def load(kuka, folder, robot):
+def load(folder, robot):
     """A function of the number of a run: its log."""
     return partial(kuka.load_log, folder, robot)
 
 
 @module_fixture
-def fitted(kuka, folder, robot):
+def fitted(folder, robot):
     return cache(
         lambda train, processing, method: kuka.fit(folder, robot, train, processing, method)
     )
 
 
 @module_fixture
-def errors(kuka, fitted):
+def errors(fitted):
     """A function (train, validate, model, processing, method) -> held-out errors [%]."""
 
     def held_out(train, validate, model=FRICTION, processing="ours", method="wls"):
@@ -72,7 +68,7 @@ def test_friction_and_offsets_bring_the_extrapolation_from_37_to_13_percent(erro
 
 
 @module_fixture
-def analysis(kuka, folder):
+def analysis(folder):
     return kuka.run_analysis(folder, 1, "wls")
 
 
@@ -89,7 +85,7 @@ def test_the_masses_of_the_file_keep_a_slow_program_from_another_reading(robot, 
     assert case.data(case.first_structure(run), run).confirmed is None
 
 
-def test_a_slow_program_is_not_low_passed_below_5_hz(kuka, robot, load, errors, monkeypatch):
+def test_a_slow_program_is_not_low_passed_below_5_hz(robot, load, errors, monkeypatch):
     for cutoff, factor in [(1.4, 36), (5, 20)]:
         how = kuka.Preparation(cutoff=cutoff, decimate=factor)
         monkeypatch.setitem(kuka.PROCESSINGS, f"low-passed at {cutoff} Hz", (False, kuka.END, how))

@@ -4,15 +4,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+import staubli_tx40 as tx40
 
 pytestmark = pytest.mark.everything
 
 module_fixture = pytest.fixture(scope="module")
-
-
-@module_fixture
-def tx40(study):
-    return study("staubli_tx40")
 
 
 @module_fixture
@@ -21,22 +17,22 @@ def folder(data):
 
 
 @module_fixture
-def robot(tx40, folder):
+def robot(folder):
     return tx40.load_robot(folder)
 
 
 @module_fixture
-def log(tx40, folder, robot):
+def log(folder, robot):
     return tx40.load_log(folder, robot)
 
 
 @module_fixture
-def published(tx40, folder):
+def published(folder):
     return tx40.read_published(folder)
 
 
 @module_fixture
-def analysis(tx40, folder):
+def analysis(folder):
     return tx40.run_analysis(folder, "wls")
 
 
@@ -46,12 +42,12 @@ def base(analysis):
 
 
 @module_fixture
-def ours(tx40, folder, base):
+def ours(folder, base):
     return cache(lambda processing, method: tx40.fit_ours(folder, base, processing, method))
 
 
 @module_fixture
-def compared(tx40, ours, base, published):
+def compared(ours, base, published):
     """A function (processing, method) -> table of the published parameters and ours."""
 
     def table(processing, method):
@@ -73,14 +69,14 @@ def test_the_transmission_is_the_formulas_that_come_with_the_data(robot, log):
     assert np.abs(found_tau - log.tau @ T.T).max() < 1e-12
 
 
-def test_every_published_grouping_means_the_same_in_our_spelling(tx40, base, published):
+def test_every_published_grouping_means_the_same_in_our_spelling(base, published):
     T, outside = tx40.published_in_ours(base, published["expression"].tolist())
     assert len(published) == 60
     assert outside.max() < 1e-9
     assert np.linalg.matrix_rank(T) == 60
 
 
-def test_we_determine_one_parameter_more_the_rotor_of_joint_6(tx40, ours, base, published):
+def test_we_determine_one_parameter_more_the_rotor_of_joint_6(ours, base, published):
     T, _ = tx40.published_in_ours(base, published["expression"].tolist())
     rotor = np.eye(61)[base.names.index("joint_6.Ia")]
     assert len(base.parameters) == 87  # 60 inertial, 7 × (Fv, Fc, Ia), 6 offsets
@@ -90,7 +86,7 @@ def test_we_determine_one_parameter_more_the_rotor_of_joint_6(tx40, ours, base, 
 
 @pytest.mark.parametrize("method", ["ols", "wls"])
 @pytest.mark.parametrize("processing", ["ours", "ours, decimated as published"])
-def test_the_well_known_parameters_are_within_10_percent(tx40, compared, processing, method):
+def test_the_well_known_parameters_are_within_10_percent(compared, processing, method):
     table = compared(processing, method).set_index("name")
     for name, value in tx40.WELL_KNOWN.items():
         assert table["ratio"][name] == pytest.approx(1, rel=0.10)
@@ -112,9 +108,7 @@ def test_all_published_values_but_friction_agree_within_their_own_uncertainty(co
 
 
 @pytest.mark.parametrize("method", ["ols", "wls"])
-def test_the_log_treated_as_published_gives_all_published_values(
-    tx40, folder, base, published, method
-):
+def test_the_log_treated_as_published_gives_all_published_values(folder, base, published, method):
     fit = tx40.fit_published(folder, base, method)
     table = tx40.compare(base, fit, published, method)
     assert fit.rank == 60  # the last joint's acceleration was left at zero, so no Ia6
@@ -124,7 +118,7 @@ def test_the_log_treated_as_published_gives_all_published_values(
     assert (spread / theirs).between(0.94, 1.06).all()
 
 
-def test_with_the_last_joints_acceleration_its_rotor_is_found(tx40, folder, base, published):
+def test_with_the_last_joints_acceleration_its_rotor_is_found(folder, base, published):
     fit = tx40.fit_published(folder, base, "wls", wrist=True)
     assert fit.rank == 61
     assert tx40.compare(base, fit, published, "wls")["within_2_sigma"].sum() >= 57

@@ -1,32 +1,14 @@
 """Torque by the file's own values on two roads, one of which is MuJoCo reading the file itself."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import Model, Robot, simulate
+from identifiability import Robot, simulate
 from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion
 
-from ..roads import in_mujoco, project
-
-if str(Path(__file__).parent) not in sys.path:
-    sys.path.insert(0, str(Path(__file__).parent))  # for made_robots
-
-EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
-           "joint_stiffness", "passive_joint_friction")  # fmt: skip
-
-
-def regressor_torque(robot, q, dq, ddq):
-    """Regressor times nominal values, and the motion of every joint."""
-    motion = complete_motion(robot, np.arange(len(q), dtype=float), q, dq, ddq)
-    assert len(motion.dropped) == 0
-    model = Model.of(*EFFECTS)
-    phi = np.array([robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)])
-    return model.regressor(robot, motion) @ phi, motion
+from ..roads import in_mujoco, nominal_torque, project
 
 
 @pytest.fixture
@@ -52,11 +34,14 @@ def agrees(load_text):
         home = robot.actuated_positions(robot.home[None])
         q = home + spread * rng.uniform(-1, 1, (samples, n))
         q = q[np.argsort(q[:, 0])]  # less of a way to go
-        torque, motion = regressor_torque(robot, q, *rng.normal(size=(2, samples, n)))
+        motion = complete_motion(
+            robot, np.arange(1.0 * samples), q, *rng.normal(size=(2, *q.shape))
+        )
+        assert len(motion.dropped) == 0
         expected = project(robot, motion, in_mujoco(robot.path, robot, motion))
         size = np.abs(expected).max()
         assert size > 1e-3
-        assert_allclose(torque, expected, rtol=0, atol=1e-9 * size)
+        assert_allclose(nominal_torque(robot, motion), expected, rtol=0, atol=1e-9 * size)
         move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
         assert_allclose(simulate(robot, move).tau, expected, rtol=0, atol=1e-9 * size)
         return robot

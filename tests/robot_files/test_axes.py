@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
@@ -15,6 +14,8 @@ from identifiability.regression.reduction import build_ladder, default_ladder, l
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.report.values_table import joint_values
 from identifiability.simulation.motion import find_motion
+
+from .made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
 
 SIDECAR = """
 [[axes]]

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, SLIDE, WRIST, arm, coupled, parallelogram
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, inspect
 from identifiability.robot import complete_motion
+
+from .made_robots import CLOSURES, SLIDE, WRIST, arm, coupled, parallelogram
 
 HOME = "[home]\ndrive = 0.7\nknee = -0.7\nheel = 0.7\n"
 SIDECAR = """

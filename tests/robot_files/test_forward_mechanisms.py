@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
 from numpy.testing import assert_array_less
 
 from identifiability import IdentifiabilityError, Model, Robot
@@ -13,6 +12,8 @@ from identifiability.robot.description import Transmission
 from identifiability.simulation.forces import both_directions
 from identifiability.simulation.forward import ForwardRobot
 from identifiability.simulation.mujoco_robot import MujocoRobot
+
+from .made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
 
 AXIS = """[[axes]]
 name = "cable"

@@ -4,12 +4,13 @@ import re
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, parallelogram
 from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, inspect
 from identifiability.robot import complete_motion
 from identifiability.robot.locate import locate_robot
+
+from .made_robots import CLOSURES, parallelogram
 
 
 def homeless(text):

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, arm, parallelogram
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
@@ -12,6 +11,8 @@ from identifiability import IdentifiabilityError, Robot, analyze, export, simula
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.simulation import PrescribedMotion, random_trajectory
 from identifiability.simulation.forward import ForwardRobot
+
+from .made_robots import CLOSURES, arm, parallelogram
 
 #: Two fingers on a turned hand; the second follows the first, and a tendon drives both.
 HAND = """<body name="hand" pos="0.4 0.01 0" euler="0.2 0.1 0.3">

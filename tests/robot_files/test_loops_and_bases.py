@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, LINKS, MOTORS, arm, parallelogram
 from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError
 from identifiability.robot.floating import BASE_JOINTS
+
+from .made_robots import CLOSURES, LINKS, MOTORS, arm, parallelogram
 
 
 @pytest.mark.parametrize("case", CLOSURES)

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from made_robots import arm
 
 from identifiability import IdentifiabilityError, simulate
 from identifiability.simulation import PrescribedMotion
+
+from .made_robots import arm
 
 TENDON = '<tendon><fixed name="cable" {0}><joint joint="elbow" coef="-0.5"/></fixed></tendon>'
 FLOOR = arm().replace("</worldbody>", '<body name="floor"><geom size="1"/></body></worldbody>')

@@ -5,14 +5,15 @@ Sources: J. D. Bennett, A new mechanism, Engineering 76 (1903).
 
 import numpy as np
 import pytest
-from made_loops import bennett, turntable, two_rockers
-from made_robots import CLOSURES, parallelogram
 from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Model
 from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import complete_motion
 from identifiability.robot.closure import newton
+
+from .made_loops import bennett, turntable, two_rockers
+from .made_robots import CLOSURES, parallelogram
 
 EVERY_WAY = np.array([np.pi, 0.5])
 

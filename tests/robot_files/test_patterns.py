@@ -1,9 +1,10 @@
 """Patterns in the tables of a sidecar are the names that fit them, written out."""
 
 import pytest
-from made_robots import arm
 
 from identifiability import IdentifiabilityError
+
+from .made_robots import arm
 
 PATTERNS = """
 [nominal]

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from made_robots import LINKS, MOTORS, arm
 from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, inspect
 from identifiability.effects.nominal import rigid_torque
 from identifiability.robot import complete_motion
 from identifiability.simulation.mujoco_robot import MujocoRobot
+
+from .made_robots import LINKS, MOTORS, arm
 
 CUP = '<body name="cup" pos="1 0 1"><freejoint name="loose"/><geom size=".1" mass="2"/></body>'
 DOOR = (
