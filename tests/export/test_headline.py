@@ -13,7 +13,7 @@ from identifiability import Model, Noise, Regression, Robot, analyze, export, si
 from identifiability.simulation.motion import find_motion
 from studies.drawn_robots import draw_arm
 
-from ..roads import in_mujoco, in_pinocchio, project
+from .conftest import error_ra, torque_outside
 
 #: Torque along a joint, or a motor that drives several, of what a URDF cannot hold.
 BESIDE = {
@@ -38,27 +38,20 @@ def errors_outside(robot, result, folder):
     along |= dict(zip(robot.joints, np.eye(len(robot.joints)), strict=True))
     chunks = Regression(copy, Model.of("rigid_body"), (samples,)).chunks()
     data = np.concatenate([chunk.data for chunk in chunks])
-    measured = []
-    found = {"mujoco": [], "pinocchio": [], "beside": []}
+    found = torque_outside(exported, copy, samples)
+    beside = []
     for piece in samples.pieces(4096):
         motion = piece.motion
-        for name, engine in (("mujoco", in_mujoco), ("pinocchio", in_pinocchio)):
-            tree = engine(exported.robot, copy, motion)
-            if tree is not None:  # of springs, cables and motors of tendons Pinocchio knows nothing
-                found[name].append(piece.down(piece.silenced(project(copy, motion, tree))))
         more = np.zeros(motion.actuated_v.shape)
         for parameter in (n for names in exported.beside.values() for n in names):
             place, kind = parameter.rsplit(".", 1)
             way = along[place]
             force = BESIDE[kind](motion.actuated_v @ way, motion.actuated_a @ way)
             more += copy.nominal[parameter] * np.outer(force, way)
-        found["beside"].append(piece.down(piece.silenced(more)))
-        measured.append(piece.down(piece.silenced(np.array(piece.tau))))
-    tau = np.concatenate(measured)
-    alone = {n: np.concatenate(x) for n, x in found.items() if x}
-    alone["whole"] = alone["mujoco"] + alone.pop("beside")
-    scale = np.abs(tau - tau[data].mean())[data].sum()
-    return {name: np.abs(tau - x)[data].sum() / scale for name, x in alone.items()}
+        beside.append(piece.down(piece.silenced(more)))
+    found["whole"] = found["mujoco"] + np.concatenate(beside)
+    tau = found.pop("measured")[data]
+    return {name: error_ra(tau, x[data]) for name, x in found.items()}
 
 
 def assert_both_errors(robot, result, folder):
