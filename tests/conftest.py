@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache, wraps
 from importlib import import_module
 from pathlib import Path
@@ -27,6 +28,7 @@ from identifiability.logs import rows, tables
 from identifiability.report import blocks, figures
 from identifiability.simulation import (
     PAPER_NOISE,
+    Campaign,
     MujocoRobot,
     PrescribedMotion,
     shipped_trajectory,
@@ -35,11 +37,11 @@ from identifiability.workflows.analyze.belief import EFFORT
 
 from . import skips
 
-ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
-#: Further mechanisms, which `make check-all` puts to the same laws.
 #: Scripts beside the package, whose modules tests import.
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies"))
 
+ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
+#: Further mechanisms, which `make check-all` puts to the same laws.
 MECHANISMS = ("delta", "3-rrr", "palletizer", "six-actuators")
 #: Files with tests of ten seconds.
 LONGEST = {"test_readme.py", "test_commands.py", "test_plugin.py", "test_ur10.py", "test_kuka.py"}
@@ -206,6 +208,15 @@ def simulated_log(
     robot = load(name)
     motion = PrescribedMotion.of(shipped_trajectory(robot, trajectory), samples)
     return simulate(robot, motion, noise=noise, rng=np.random.default_rng(seed))
+
+
+@cache
+def both_motions(name, scale=1.0, *, samples):
+    """Both shipped motions of a robot, so many times as wide."""
+    robot = load(name)
+    moves = [PrescribedMotion.of(shipped_trajectory(robot, m), samples) for m in ("a", "b")]
+    wider = [replace(m, q=scale * m.q, dq=scale * m.dq, ddq=scale * m.ddq) for m in moves]
+    return Campaign.of(robot, wider)
 
 
 @pytest.fixture

@@ -19,12 +19,11 @@ def record(arm, fault):
     """Record slow motion; the elbow touches an object in the second half, if there is one."""
     how = servos.Recorder(100.0, 100.0)
     t = np.arange(0.0, 19.0, 0.01)
-    size = 0.3 * np.clip(0.3 + 0.2 * (t - 9.0), 0.3, 1.0)
-    waves = [((0.32, 1.0), (1.1, 0.0)), ((0.25, 0.0), (0.9, 0.0))]
-    slow, fast = np.array([[np.sin(2 * np.pi * f * t + p) for f, p in x] for x in waves]).swapaxes(
-        0, 1
-    )
-    commands = np.clip(1.6 * slow + 0.3 * fast, -1, 1) * [np.full(len(t), 0.3), size]
+    turns = 2 * np.pi * t
+    shoulder = 1.6 * np.sin(0.32 * turns + 1.0) + 0.3 * np.sin(1.1 * turns)
+    elbow = 1.6 * np.sin(0.25 * turns) + 0.3 * np.sin(0.9 * turns)
+    commands = 0.3 * np.clip([shoulder, elbow], -1, 1)
+    commands[1] *= np.clip(0.3 + 0.2 * (t - 9.0), 0.3, 1.0)
     frame = servos.record(arm, STICKY, commands.T, 18.0, how, default_rng(1), fault=fault)
     return Log.from_frame(frame, conventions=Conventions.of(arm)).select(arm.joints)
 

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from functools import cache
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,18 +11,12 @@ from numpy.random import default_rng
 from identifiability import Noise, Robot, compare, simulate
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
-from identifiability.simulation.simulator import Campaign
+
+from ..conftest import both_motions
 
 PLANAR = "two-link"
+campaign = partial(both_motions, samples=500)
 KINDS = ("Fc", "Fv", "off", "gain")
-
-
-@cache
-def campaign(name, scale=1.0):
-    robot = Robot.load(name)
-    moves = [PrescribedMotion.of(shipped_trajectory(robot, m), 500) for m in ("a", "b")]
-    wider = [replace(m, q=scale * m.q, dq=scale * m.dq, ddq=scale * m.ddq) for m in moves]
-    return Campaign.of(robot, wider)
 
 
 def logs(name, seed, extra=None, scale=1.0, **friction):
@@ -33,9 +27,8 @@ def logs(name, seed, extra=None, scale=1.0, **friction):
         values |= {n: factor * x for n, x in values.items() if n.startswith(f"{joint}.F")}
     torque = own.rigid.tau + joint_torque(own.robot, own.move, own.rigid, values)
     torque = torque if extra is None else torque + extra
-    rng = default_rng(seed)
     noise = Noise(additive=0.02, correlation=0.7)
-    made = replace(own, torque=torque).logs((), noise, rng, derivatives=True)
+    made = replace(own, torque=torque).logs((), noise, default_rng(seed), derivatives=True)
     return [replace(log, name=f"{log.name}, {seed}") for log in made]
 
 

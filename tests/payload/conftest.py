@@ -1,31 +1,19 @@
 """A fitted arm, and logs of it with and without planted loads."""
 
-import sys
 from dataclasses import replace
-from functools import cache
-from pathlib import Path
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
-from identifiability import Noise, Robot, analyze
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability import Noise, analyze
 from identifiability.simulation.mujoco_robot import MujocoRobot
-from identifiability.simulation.simulator import Campaign
 
-sys.path.insert(0, str(Path(__file__).parent))
+from ..conftest import both_motions
+from .planted_load import PlantedLoad, load_torque, unit_loads
 
-from planted_load import PlantedLoad, load_torque, unit_loads
-
+campaign = partial(both_motions, samples=400)
 BODY = {"six-dof-arm": "link_6", "two-link": "link2"}
-
-
-@cache
-def campaign(name, scale=1.0):
-    robot = Robot.load(name)
-    moves = [PrescribedMotion.of(shipped_trajectory(robot, m), 400) for m in ("a", "b")]
-    wider = [replace(m, q=scale * m.q, dq=scale * m.dq, ddq=scale * m.ddq) for m in moves]
-    return Campaign.of(robot, wider)
 
 
 @cache

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from planted_load import PlantedLoad
 
 from identifiability import analyze, diagnose, prune
 from identifiability.foundation.findings import of_key
+
+from .planted_load import PlantedLoad
 
 LOAD = PlantedLoad(1.5, np.array([0.4, 0.0, 0.0]), 0.01 * np.eye(3))
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_load import PlantedLoad, load_torque
 
 from identifiability import (
     IdentifiabilityError,
@@ -22,6 +21,8 @@ from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, ModelEntry
 from identifiability.report.pages import comparison_moving
 from identifiability.simulation.motion import find_motion
+
+from .planted_load import PlantedLoad, load_torque
 
 ARM = "six-dof-arm"
 
