@@ -24,9 +24,8 @@ def thrown():
     """A body that a hand moves to and fro at its grip, as MuJoCo simulates it."""
     m = mujoco.MjModel.from_xml_string(BODY)
     d = mujoco.MjData(m)
-    rng = np.random.default_rng(4)
     rows = []
-    f, phase = rng.uniform(0.3, 1.5, (2, 6, 3))
+    f, phase = np.random.default_rng(4).uniform(0.3, 1.5, (2, 6, 3))
     for k in range(6000):
         mujoco.mj_kinematics(m, d)
         mujoco.mj_comPos(m, d)

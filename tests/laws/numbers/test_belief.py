@@ -12,8 +12,7 @@ from identifiability.workflows.analyze.belief import believed_interval
 @pytest.mark.parametrize("signed", [True, False])
 def test_intervals_hold_the_truth_at_the_edge_of_the_possible_too(truth, signed):
     """A measurement of known error, flat prior, truncated normal posterior; 98 % at the edge."""
-    rng = np.random.default_rng(0)
-    best = truth + rng.standard_normal(1500)
+    best = truth + np.random.default_rng(0).standard_normal(1500)
     law = stats.truncnorm(-best, np.inf, loc=best)
     draws = law.ppf(np.linspace(0.0, 0.9999, 1000)[:, None])
     low, high = believed_interval(draws, np.full(1500, signed)).T

@@ -88,9 +88,8 @@ def test_refits_are_those_of_the_rows(idle, size):
     V, W, tau = planted(default_rng(7), 240, idle=idle)
     information = compress(V, W, tau, size)
     fit = IV.fit(information)
-    rng = default_rng(0)
     B = len(information.counts)
-    counts = rng.multinomial(B, np.full(B, 1 / B), 4).astype(float)
+    counts = default_rng(0).multinomial(B, np.full(B, 1 / B), 4).astype(float)
     found = fit.estimator.refit(information, fit, counts)
     Z, X, y = weighted(fit, V, W, tau)
     Qz = np.linalg.qr(Z)[0]

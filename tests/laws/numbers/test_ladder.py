@@ -24,8 +24,7 @@ ROBOT = SimpleNamespace(nominal=NOMINAL)
 @pytest.fixture(scope="module")
 def base():
     """Four groups; arm.Ixx acts like three times arm.m."""
-    rng = np.random.default_rng(0)
-    W = rng.normal(size=(60, 5))
+    W = np.random.default_rng(0).normal(size=(60, 5))
     W[:, 2] = 3 * W[:, 0]
     kinds = (("m", "kg"), ("mx", "kg·m"), ("Ixx", "kg·m²"), ("Fc+", "N·m"), ("Fc-", "N·m"))
     return group_columns(W, [Parameter("arm", k, u, "x", nonnegative=k != "mx") for k, u in kinds])

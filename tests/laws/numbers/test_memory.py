@@ -78,8 +78,7 @@ def test_slow_noise_of_one_actuator_is_not_taken_for_that_of_another():
 
 
 def test_what_rounding_left_remembers_nothing():
-    rng = default_rng(3)
-    W = slow_columns(rng, 400, 3)
+    W = slow_columns(default_rng(3), 400, 3)
     fit = estimate(gather(W, W @ [1.0, 2.0, 3.0]))
     assert_array_equal(fit.times, 1.0)
     noise = measure_memory(gather(W, W @ [1.0, 2.0, 3.0]), fit)

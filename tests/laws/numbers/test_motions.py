@@ -61,8 +61,7 @@ def test_the_interval_holds_another_motions_values_where_motions_scatter():
     held = []
     plain = []
     for seed in range(40):
-        rng = default_rng([8, seed])
-        scatter = 0.25 * rng.standard_normal((5, 4)) * [1.0, 3.0, 0.5, 1.0]
+        scatter = 0.25 * default_rng([8, seed]).standard_normal((5, 4)) * [1.0, 3.0, 0.5, 1.0]
         m, fit = compare(VALUES + scatter[:4], [9, seed], names=("a.x", "b.x", "c.x", "d.x"))
         sigma = np.sqrt(1.0 / (m.sd**-2.0).sum(0))
         off = np.abs(VALUES + scatter[4] - fit.value)

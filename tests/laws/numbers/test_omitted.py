@@ -75,10 +75,9 @@ def test_what_the_fit_would_find_on_the_files_robot_is_what_it_finds_there(motio
 def test_sigma_is_the_rms_distance_of_noise_free_fits_from_their_labels(motion):
     kept = [0, 5, 9, 10]
     submodel = submodel_of(kept)
-    rng = default_rng(1)
     found, _ = left_out(motion, FILE, submodel)
     flat = motion.reshape(-1, 12)
-    draws = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal((4000, 12))
+    draws = FILE + body_scatter(structure_of(FILE)) * default_rng(1).standard_normal((4000, 12))
     fits = np.linalg.lstsq(flat[:, kept], flat @ draws.T, rcond=None)[0].T
     rms = np.sqrt(np.mean((fits - draws[:, kept]) ** 2, axis=0))
     assert_allclose(found.sigma, rms, rtol=0.06)  # 4 Monte-Carlo errors of an sd
@@ -106,8 +105,7 @@ def test_a_file_without_inertias_says_that_nothing_is_known(motion):
 
 
 def test_the_largest_of_what_a_number_stands_for_is_named():
-    rng = default_rng(2)
-    W = rng.normal(size=(400, 1, 12))
+    W = default_rng(2).normal(size=(400, 1, 12))
     W[:, 0, 9] += 0.5 * W[:, 0, 0]  # a mass that moves with an inertia
     found, _ = left_out(W, FILE, submodel_of([0, *range(1, 9), 10, 11]))
     coefficient = np.linalg.lstsq(W[:, 0, [0, *range(1, 9), 10, 11]], W[:, 0, 9], rcond=None)[0][0]
@@ -195,8 +193,7 @@ def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
 
 def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
     kept = [0, 5, 9, 10]
-    rng = default_rng(3)
-    theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
+    theta = FILE + body_scatter(structure_of(FILE)) * default_rng(3).standard_normal(12)
     found, fit = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
     assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
 

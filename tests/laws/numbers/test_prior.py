@@ -128,8 +128,7 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
     model = FittedModel.of(first.structure, kept.submodel, first.information, how)
     real, _ = hold_folds(first.information, how)
     F = real.folds.count
-    rng = default_rng(2)
-    squares = rng.uniform(0.9, 1.1, (F, 2))
+    squares = default_rng(2).uniform(0.9, 1.1, (F, 2))
 
     def score(total, times=1.0):
         return Score(np.full(F, total / F), times * squares, 100 * squares.sum(0), real.folds.ratio)

@@ -204,8 +204,7 @@ def test_gaps_of_a_part_of_a_file_are_counted_from_its_first_row(tmp_path, read_
 
 def test_noise_is_not_that_of_jumps_across_gaps():
     t = DT * without(3000, (999, 40), (1999, 400))
-    rng = default_rng(3)
-    x = np.sin(8 * t)[:, None] + 1e-3 * rng.standard_normal((len(t), 1))
+    x = np.sin(8 * t)[:, None] + 1e-3 * default_rng(3).standard_normal((len(t), 1))
     assert noise_level(x, t) == pytest.approx(1e-3, rel=0.05)
     assert noise_level(x)[0] > 4e-3  # as one stretch the jumps would be noise
     assert noise_level(x[:1000], t[:1000]) == noise_level(x[:1000])

@@ -122,10 +122,9 @@ def test_values_that_are_written_again_until_new_ones_come_count_once(factor, ki
 def test_logs_of_one_rate_stay_as_they_are():
     t = 0.001 * np.arange(3000)
     frame = merged(topic(t, "q"), topic(t, "dq"), topic(t, "tau"))
-    random = np.random.default_rng(0)
     coarse = frame.assign(**{c: np.round(frame[c], 2) for c in ("a.q", "b.q")})
     stale = frame.copy()
-    rows = random.choice(np.arange(5, 2990), 300, replace=False)
+    rows = np.random.default_rng(0).choice(np.arange(5, 2990), 300, replace=False)
     stale.iloc[rows, 1:] = stale.iloc[rows - 1, 1:]
     rest = frame.assign(t=t)
     rest.iloc[1000:2000, 1:] = rest.iloc[1000, 1:].to_numpy()

@@ -201,8 +201,7 @@ def test_noise_offsets_and_gaps_do_not_contradict():
 def test_motion_is_compared_where_it_stands_out_four_times_from_single_samples(size, compared):
     """The rms of the motion in units of the white noise of its samples."""
     q, dq, _ = wave(T)
-    rng = default_rng(0)
-    noisy = q * np.sqrt(2) * size * 1e-3 + 1e-3 * rng.standard_normal(q.shape)
+    noisy = q * np.sqrt(2) * size * 1e-3 + 1e-3 * default_rng(0).standard_normal(q.shape)
     turned = -1e-3 * size * np.sqrt(2) * dq  # of the wrong sign
     assert remarks(q=noisy, dq=turned, ddq=None) == ["shoulder.dq", "elbow.dq"] * compared
 

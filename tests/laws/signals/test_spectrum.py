@@ -110,8 +110,7 @@ def test_a_joint_that_hardly_moves_does_not_lower_the_cut_off_of_the_others():
 def test_a_value_that_repeats_the_one_before_is_found_where_the_joint_moves():
     t = times(100.0, 5.0)
     exact = np.stack([swing(t), 0.3 + 0 * t], 1)
-    rng = default_rng(4)
-    rows = np.flatnonzero(rng.random(len(t)) < 0.1)
+    rows = np.flatnonzero(default_rng(4).random(len(t)) < 0.1)
     for step in (0.0, 1e-4):
         clean = np.round(exact / step) * step if step else exact
         x = clean.copy()
