@@ -11,6 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability import Model
+from identifiability.effects.nominal import gravity_torque
+from identifiability.robot import complete_motion
 from identifiability.robot.mjcf import quiet
 from identifiability.simulation.mujoco_robot import bare_urdf
 
@@ -26,6 +28,12 @@ def nominal_torque(robot, motion):
     model = Model.of(*EFFECTS)
     values = [robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)]
     return model.regressor(robot, motion) @ np.array(values)
+
+
+def weight(robot, log):
+    """Return the torque (N, n) that holds a robot at the positions of a log."""
+    motion = complete_motion(robot, log.t, log.q, 0 * log.q, 0 * log.q)
+    return gravity_torque(robot, motion, robot.gravity)
 
 
 def load_mujoco(path):

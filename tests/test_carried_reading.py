@@ -23,20 +23,15 @@ from identifiability import (
     prune,
     simulate,
 )
-from identifiability.effects.nominal import gravity_torque
 from identifiability.foundation.findings import of_key
-from identifiability.robot import complete_motion
 from identifiability.simulation import random_trajectory
 from identifiability.workflows.export import draw_robots
+
+from .roads import weight
 
 ROBOT = Robot.load("two-link")
 TRUTH = ROBOT.with_values({"link2.m": 3.0, "elbow.Fc": 1.0})
 LOADED = ROBOT.with_values({"link2.m": 4.0, "elbow.Fc": 1.0})
-
-
-def weight(log, robot):
-    still = np.zeros(log.q.shape)
-    return gravity_torque(robot, complete_motion(robot, log.t, log.q, still, still), robot.gravity)
 
 
 #: What drives and loggers do to torque columns.
@@ -47,8 +42,8 @@ FAULTS = {
     "exchanged": lambda log, _: log.tau[:, ::-1],
     "unit of one": lambda log, _: log.tau * [1.0, 1e-3],
     "late": lambda log, _: np.stack([np.interp(log.t - 0.1, log.t, x) for x in log.tau.T], 1),
-    "gravity": lambda log, robot: log.tau - weight(log, robot),
-    "gravity of one": lambda log, robot: log.tau - weight(log, robot) * [0.0, 1.0],
+    "gravity": lambda log, robot: log.tau - weight(robot, log),
+    "gravity of one": lambda log, robot: log.tau - weight(robot, log) * [0.0, 1.0],
 }
 
 

@@ -20,7 +20,6 @@ from identifiability import (
     simulate,
 )
 from identifiability.effects.base import horizontal_axes
-from identifiability.effects.nominal import gravity_torque
 from identifiability.estimation.prediction import allow_offsets
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality import MeasuredLogs
@@ -30,12 +29,13 @@ from identifiability.reading.reading import Reading
 from identifiability.reading.verification import Verification
 from identifiability.regression.regression import LogPart
 from identifiability.regression.structure import Structure
-from identifiability.robot import complete_motion
 from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
 from identifiability.robot.robot import tool_bodies
 from identifiability.simulation import Campaign, random_trajectory
 from identifiability.workflows import case
+
+from ..roads import weight
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -66,11 +66,6 @@ def look(robot, *logs):
 
 def one(joint, value, n=6):
     return np.where(np.arange(n) == joint, value, 1.0)
-
-
-def weight(robot, log):
-    motion = complete_motion(robot, log.t, log.q, 0 * log.q, 0 * log.q)
-    return gravity_torque(robot, motion, robot.gravity)
 
 
 def otherwise_stated(robot, gravity):

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from identifiability import IdentifiabilityError, Robot, analyze, prepare_log
 from identifiability.regression.structure import Structure
 
-from ..diagnosis.test_reading import weight
+from ..roads import weight
 
 
 def with_sidecar(structure, tmp_path, torque):
