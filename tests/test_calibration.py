@@ -29,8 +29,7 @@ def remembering(size, rho):
 
 def outcomes(analysis, noise, trials):
     """Outcomes of Model 1 under AR(1) noise of the residual's size, and the truth of each."""
-    rng = default_rng(0)
-    world = World.of(analysis, analysis.chosen, 80, rng)
+    world = World.of(analysis, analysis.chosen, 80, default_rng(0))
     own = [x.sigma / np.sqrt(np.prod(1 - x.pacf**2)) for x in world.noise]
     world = replace(world, noise=noise(own))
     found = [world.repeat(seed) for seed in np.random.SeedSequence(0).spawn(trials)]
@@ -104,8 +103,7 @@ def test_the_command_writes_a_report(simulated_session, succeeds, tmp_path):
 def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, replicates):
     result = analysis.models[model] if model else analysis.full
     target, start = build_target(result, result.submodel.reduce(analysis.information))
-    rng = default_rng(0)
-    found = calibrate_posterior(target, start, rng, replicates=replicates)
+    found = calibrate_posterior(target, start, default_rng(0), replicates=replicates)
     assert found.min() > 1e-3 / len(found)
     assert stats.kstest(found, "uniform").pvalue > 1e-3
 

@@ -69,8 +69,7 @@ def write_logs(robot, folder):
     plain = Robot.load("two-link")
     for seed, (name, motion) in enumerate(((LOG, "a"), (HELD_OUT, "b"))):
         moved = PrescribedMotion.of(shipped_trajectory(plain, motion), 300)
-        rng = default_rng(seed)
-        simulate(robot, moved, noise=Noise(torque=0.02), rng=rng).write(folder / name)
+        simulate(robot, moved, noise=Noise(torque=0.02), rng=default_rng(seed)).write(folder / name)
 
 
 def call(*words):

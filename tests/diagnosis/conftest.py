@@ -26,8 +26,7 @@ def make_logs(name, *hide, seed=0, rho=0.9, motion=0.0):
         correlation=rho,
         encoder=0.0 if motion else ENCODER.get(name, 2e-5),
     )
-    rng = default_rng(seed)
-    return campaign(name).logs(hide, noise, rng, derivatives=bool(motion))
+    return campaign(name).logs(hide, noise, default_rng(seed), derivatives=bool(motion))
 
 
 @cache

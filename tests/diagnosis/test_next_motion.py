@@ -51,8 +51,7 @@ def ask(d, **options):
 
 
 def test_non_centrality_is_what_neither_model_nor_any_shape_of_the_rival_explains():
-    rng = default_rng(0)
-    A = rng.standard_normal((50, 4))
+    A = default_rng(0).standard_normal((50, 4))
     A[:, 2] += 2 * A[:, 1]
     own = np.array([1])
     shapes = (np.array([2]), np.array([3]))

@@ -50,7 +50,6 @@ def test_what_is_stated_twice_is_written_once_and_mujoco_reads_it(tmp_path):
     written = write_parameters(robot, dict(robot.nominal), tmp_path / "fitted.urdf")
     model = mujoco.MjModel.from_xml_path(str(written.robot))
     assert model.njnt == 6
-    rng = np.random.default_rng(0)
-    move = PrescribedMotion(np.arange(30.0), *rng.normal(size=(3, 30, 6)))
+    move = PrescribedMotion(np.arange(30.0), *np.random.default_rng(0).normal(size=(3, 30, 6)))
     found, expected = (simulate(r, move).tau for r in (robot, Robot.load("six-dof-arm")))
     assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())

@@ -33,8 +33,7 @@ def gripper(tmp_path):
 @pytest.fixture(scope="module")
 def run():
     robot = Robot.load("two-link")
-    rng = np.random.default_rng(3)
-    path = random_trajectory(robot, rng, samples=1200)
+    path = random_trajectory(robot, np.random.default_rng(3), samples=1200)
     return simulate(robot, PrescribedMotion.of(path, 1200), derivatives=False)
 
 

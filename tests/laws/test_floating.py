@@ -167,9 +167,8 @@ def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_los
 
 def test_rows_change_as_little_as_the_motion_does(tmp_path):
     robot = load(tmp_path, machine(HUMANOID), CONTACTS["a heel of six joints"][1])
-    rng = default_rng(3)
     s = np.linspace(0, 1, 400)[:, None]
-    q = np.hstack([np.zeros((400, 6)), np.sin(2 * s + rng.uniform(0, 6, 18))])
+    q = np.hstack([np.zeros((400, 6)), np.sin(2 * s + default_rng(3).uniform(0, 6, 18))])
     free = complete_motion(robot, s[:, 0], q, 0 * q, 0 * q).free
     assert np.abs(np.diff(free, axis=0)).max() < 0.05
 
