@@ -40,15 +40,15 @@ ENGINES = {"mujoco": in_mujoco, "pinocchio": in_pinocchio}
 
 
 def torque_outside(exported, copy, samples):
-    """Return measured torque and that of the file by each engine, as samples are prepared."""
+    """Return measured torque and that of the file by each engine, where torque is data."""
     found = {"measured": []}
-    for piece in samples.pieces(4096):
-        found["measured"].append(piece.down(piece.silenced(np.array(piece.tau))))
+    for piece in samples.pieces(4096):  # a joint that stands is no data
+        found["measured"].append(piece.down(piece.silenced(np.array(piece.tau)))[piece.moves])
         for name, engine in ENGINES.items():
             tree = engine(exported.robot, copy, piece.motion)
             if tree is not None:  # of springs, cables and motors of tendons Pinocchio knows nothing
                 torque = piece.silenced(project(copy, piece.motion, tree))
-                found.setdefault(name, []).append(piece.down(torque))
+                found.setdefault(name, []).append(piece.down(torque)[piece.moves])
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
@@ -60,14 +60,13 @@ def replay(robot, result, log, folder):
     samples = log if isinstance(log, Dataset) else fitted_samples(copy, result, log)
     every = Model(tuple(f.effect for f in FAMILIES.values() if f.name != "coulomb_friction"))
     phi = np.array([copy.nominal.get(p.name, 0.0) for p in every.parameters(copy)])
-    chunks = list(Regression(copy, every, (samples,)).chunks())
-    data = np.concatenate([c.data for c in chunks])  # a joint that stands is none
+    chunks = Regression(copy, every, (samples,)).chunks()
     found = torque_outside(exported, copy, samples)
-    tau = found["measured"][data]
-    whole = error_ra(tau, np.concatenate([c.W @ phi for c in chunks])[data])
-    errors = {n: error_ra(tau, found[n][data]) for n in ENGINES if n in found}
+    found["whole"] = np.concatenate([(c.W @ phi)[c.data] for c in chunks])
+    tau = found.pop("measured")
+    errors = {name: error_ra(tau, x) for name, x in found.items()}
     stated = json.loads(path.read_text())["physical"]
-    return Replayed(stated, exported, copy, whole, **errors)
+    return Replayed(stated, exported, copy, **errors)
 
 
 @pytest.fixture(scope="session")
