@@ -446,18 +446,12 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
         assert "times as large" in one.write_report(tmp_path / "rollout.html").read_text()
 
 
-@pytest.fixture(scope="module")
-def heavy(arm):
-    """Return a log of a robot a fifth lighter than its file, its delay, and true parameters."""
-    rng = default_rng(5)
+def test_every_verb_finds_the_delay_again_with_the_bodies_fitted(arm):
+    # The robot is a fifth lighter than its file.
     bodies = {f"{b}.{k}": 0.8 * arm.nominal[f"{b}.{k}"] for b in arm.bodies for k in INERTIAL_KINDS}
     how = servos.Recorder(100.0, delay=0.007)
-    log = read(arm, draw(arm, 6.0, 0.5, how, rng, TRUTH | bodies))
-    return log, roll_delayed(CommandedRobot(arm, TRUTH | bodies), log)[0], {**TRUTH, **bodies}
-
-
-def test_every_verb_finds_the_delay_again_with_the_bodies_fitted(arm, heavy):
-    log, delay, _ = heavy
+    log = read(arm, draw(arm, 6.0, 0.5, how, default_rng(5), TRUTH | bodies))
+    delay, _ = roll_delayed(CommandedRobot(arm, TRUTH | bodies), log)
     low = Preparation(cutoff=5.0)  # torque that is calibrated at it needs no higher one
     reduced = prune(arm, log, quick=True, replicates=0, preparation=low)
     few = ["stribeck_friction", "joint_stiffness", "time_delay"]

@@ -60,8 +60,7 @@ def logs():
         {"a": ["stribeck_friction=0.2"], "b": ["stribeck_friction=0.2"], "loaded": []}.items()
     ):
         motion = PrescribedMotion.of(shipped_trajectory(robot, "b" if name == "b" else "a"), 300)
-        rng = default_rng(seed)
-        out[name] = simulate(robot, motion, noise=NOISE, rng=rng, hide=hidden)
+        out[name] = simulate(robot, motion, noise=NOISE, rng=default_rng(seed), hide=hidden)
     return out
 
 

@@ -17,12 +17,8 @@ def log(simulated_session):
     return simulated_session("two-link", "a")
 
 
-@pytest.fixture(scope="module")
-def pruned(log):
-    return prune("two-link", log, replicates=0, force=["shoulder.Fv"])
-
-
-def test_a_pruned_model_is_one_model_that_is_judged_beside_the_full_model(pruned, log, tmp_path):
+def test_a_pruned_model_is_one_model_that_is_judged_beside_the_full_model(log, tmp_path):
+    pruned = prune("two-link", log, replicates=0, force=["shoulder.Fv"])
     path = pruned.write_model(tmp_path / "model.toml")
     assert len(read_ladder(path).models) == 1
     for ladder in (path, pruned):

@@ -67,12 +67,8 @@ def test_friction_and_offsets_bring_the_extrapolation_from_37_to_13_percent(erro
     assert errors(1, 3, method="ols")["relative"] < 0.4 * alone
 
 
-@module_fixture
-def analysis(folder):
-    return kuka.run_analysis(folder, 1, "wls")
-
-
-def test_rank_is_43_rigid_plus_21_friction_and_offsets_plus_5_rotors(analysis):
+def test_rank_is_43_rigid_plus_21_friction_and_offsets_plus_5_rotors(folder):
+    analysis = kuka.run_analysis(folder, 1, "wls")
     assert analysis.base.rank == 69
     assert [len(m.submodel) for m in analysis.models] == [69, 64, 43]
     assert all(m.estimate.determined.all() for m in analysis.models)

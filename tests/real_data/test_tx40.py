@@ -32,13 +32,8 @@ def published(folder):
 
 
 @module_fixture
-def analysis(folder):
-    return tx40.run_analysis(folder, "wls")
-
-
-@module_fixture
-def base(analysis):
-    return analysis.base
+def base(folder):
+    return tx40.run_analysis(folder, "wls").base
 
 
 @module_fixture

@@ -17,11 +17,6 @@ def homeless(text):
     return re.sub(r"(?s)<keyframe>.*?</keyframe>", "", text)
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(11)
-
-
 def shipped_without_home(name):
     path = locate_robot(name)
     return homeless(path.read_text()), path.with_suffix(".toml").read_text()
@@ -34,7 +29,7 @@ def test_without_its_home_a_robot_that_is_drawn_open_is_asked_for_one(name, load
         load_text(text, sidecar=side)
 
 
-def test_the_position_that_closes_a_drawing_is_used_and_said(load_text, rng):
+def test_the_position_that_closes_a_drawing_is_used_and_said(load_text):
     text = parallelogram(CLOSURES["site on the root"])
     drawn = homeless(text)
     offset = np.array([0.6, -0.4, 0.5])
@@ -50,7 +45,7 @@ def test_the_position_that_closes_a_drawing_is_used_and_said(load_text, rng):
     stated = load_text(drawn, sidecar=f"{need.line}\n")
     assert_allclose(stated.home, other.home, atol=1e-5)
     assert not stated.describe_assembly()
-    q = rng.uniform(0.2, 1.4, (100, 1))
+    q = np.random.default_rng(11).uniform(0.2, 1.4, (100, 1))
     moved = [complete_motion(r, np.arange(100.0), x, q, q)
              for r, x in ((robot, q), (other, q - offset[0]))]  # fmt: skip
     assert_allclose(moved[1].q + offset, moved[0].q, atol=1e-9)
