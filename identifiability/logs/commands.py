@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import scipy.optimize
+import scipy
 
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array

@@ -152,11 +152,13 @@ def _explain(row: Mapping[str, Any] | None, mixed: Sequence[str]) -> str:
     """Return why a number has no error that can be believed."""
     if mixed and row is None:
         return phrase("exported", "mixed", sum=shorten(min(mixed, key=len), 80, placeholder=" …"))
-    interval = row["interval95"] if row else None
-    if row is None or not interval or np.isnan(np.array(interval, float)).any():
+    if row is None or not row["interval95"]:
         return phrase("exported", "open")
     if row["used_because"]:
         return str(row["used_because"])
+    interval = np.array(row["interval95"], float)
+    if np.isnan(interval).any():
+        return phrase("exported", "open")
     low, high = (format_number(x, 2) for x in interval)
     is_open = row["verdict"] == Class.NOT_IDENTIFIABLE
     return phrase("exported", "unsure", open=is_open, low=low, high=high)
