@@ -1,5 +1,7 @@
 """Joints that something outside the robot holds are found, and are no data there."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.random import default_rng
 
@@ -8,6 +10,7 @@ from identifiability.foundation.runs import quiet
 from identifiability.logs.conventions import Conventions
 from identifiability.servos import file_shares
 from identifiability.servos.contacts import find_blocked, fit_unblocked, state_blocked
+from identifiability.servos.positions import are_aside
 from identifiability.simulation.rollout import CommandedRobot
 
 from .made_servos import TRUTH, load_arm, servos
@@ -37,3 +40,7 @@ def test_a_joint_on_an_object_is_found_and_its_rows_are_no_data(tmp_path):
     assert found.errors[1] < 0.01  # .055 with these rows
     free = record(arm, servos.NONE)
     assert not find_blocked(CommandedRobot(arm, STICKY), free).any()
+    rows = np.zeros(free.q.shape, bool)
+    rows[100] = True  # lost, and equal by chance
+    alike = replace(free, q_ref=np.where(rows, free.q, free.q_ref), unmeasured=rows)
+    assert not are_aside(alike).any()

@@ -20,7 +20,7 @@ from identifiability.robot import Robot
 from identifiability.simulation.rollout import CommandedRobot
 
 from .fit import fit_rollouts, refit_rollouts
-from .positions import are_aside, encoder_noise, resting_rows
+from .positions import encoder_noise, resting_rows
 from .rollouts import Rollouts
 from .standing import FEWEST_RESTS
 from .windows import Window
@@ -90,13 +90,14 @@ def set_aside_blocked(robot: Robot, log: Log, found: Rollouts) -> Log:
 
 
 def state_blocked(logs: Sequence[Log], aside: Sequence[Log]) -> list[Finding]:
-    """Return which joints something else holds in logs, for logs with and without these rows."""
+    """Return which joints something else holds, for logs as they came, and without these rows."""
     where = []
     for log, other in zip(logs, aside, strict=True):
-        rows = are_aside(other) & ~are_aside(log)
-        shares = rows.mean(0)
+        if other.q_ref is None:
+            continue
+        shares = np.mean(other.q_ref != log.select(other.joints).q_ref, axis=0)
         where += [
-            f"{log.joints[j]} for {100 * shares[j]:.2g} % of {log.name}"
+            f"{other.joints[j]} for {100 * shares[j]:.2g} % of {log.name}"
             for j in np.flatnonzero(shares)
         ]
     return [Finding("blocked", where=where)] if where else []

@@ -120,9 +120,9 @@ def follow_commands(
         robot = replace(robot, servo=with_numbers(servo, found))
     servos = identify_servos(robot, moved, found)
     say("calibrating torque", 0.55)
-    recordings = _take_logs(recordings, at, moved, robot, found)
-    blocked = state_blocked(logs, aside)
-    recordings = replace(recordings, hints=(*blocked, *recordings.hints))
+    taken = _take_logs(recordings, at, moved, robot, found)
+    blocked = state_blocked([*logs, *recordings.held_out], [*aside, *taken.held_out])
+    recordings = replace(taken, hints=(*blocked, *recordings.hints))
     # Rollouts of a structure need no record of how its gains were found.
     plain = replace(servos.robot, servo=replace(servos.servo, rolled=None))
     structure = replace(structure, robot=plain)
@@ -148,13 +148,11 @@ def _take_logs(
     every = [*recordings.fitted]
     for k, log in zip(at, fitted, strict=True):
         every[k] = log
-    commanded = [log for log in recordings.held_out if of_commands(log)]
-    selected = {log.name: log.select(robot.joints) for log in commanded}
-    aside = {name: set_aside_blocked(robot, log, found) for name, log in selected.items()}
-    blocked = state_blocked([*selected.values()], [*aside.values()])
-    held_out = tuple(aside.get(log.name, log) for log in recordings.held_out)
-    hints = (*blocked, *recordings.hints)
-    return replace(recordings, fitted=tuple(every), held_out=held_out, hints=hints)
+    held_out = tuple(
+        set_aside_blocked(robot, log.select(robot.joints), found) if of_commands(log) else log
+        for log in recordings.held_out
+    )
+    return replace(recordings, fitted=tuple(every), held_out=held_out)
 
 
 def locate_commands(

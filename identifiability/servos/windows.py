@@ -49,7 +49,9 @@ class Window:
     @cached_property
     def judged(self) -> np.ndarray:
         """Rows in which positions of a joint are compared, (N, n) bool."""
-        judged: np.ndarray = self.moves & ~are_aside(self.rows)
+        start = self._start(self.source)
+        aside = are_aside(self.source)[start : start + len(self.rows)]
+        judged: np.ndarray = self.moves & ~aside
         return judged
 
     @staticmethod
@@ -60,8 +62,12 @@ class Window:
 
     def along(self, log: Log) -> Window:
         """Return the same stretch of another version of its log."""
-        start = int(np.searchsorted(log.t, self.rows.t[0]))
+        start = self._start(log)
         return Window.of(self.log, log, start, start + len(self.rows))
+
+    def _start(self, log: Log) -> int:
+        """Return the row at which this stretch begins in a version of its log."""
+        return int(np.searchsorted(log.t, self.rows.t[0]))
 
 
 def cut_windows(logs: Sequence[Log]) -> list[Window]:
