@@ -30,18 +30,12 @@ def load(folder, robot):
 
 
 @module_fixture
-def fitted(folder, robot):
-    return cache(
-        lambda train, processing, method: kuka.fit(folder, robot, train, processing, method)
-    )
-
-
-@module_fixture
-def errors(fitted):
+def errors(folder, robot):
     """A function (train, validate, model, processing, method) -> held-out errors [%]."""
+    fitted = cache(partial(kuka.fit, folder, robot))
 
     def held_out(train, validate, model=FRICTION, processing="ours", method="wls"):
-        rows = list(kuka.table_rows(fitted(train, processing, method), train))
+        rows = kuka.table_rows(fitted(train, processing, method), train)
         return next(r for r in rows if r["validate"] == validate and r["model"] == model)
 
     return held_out
@@ -86,8 +80,7 @@ def test_a_slow_program_is_not_low_passed_below_5_hz(robot, load, errors, monkey
         how = kuka.Preparation(cutoff=cutoff, decimate=factor)
         monkeypatch.setitem(kuka.PROCESSINGS, f"low-passed at {cutoff} Hz", (False, kuka.END, how))
     # Ten times the bandwidth of run 1 is 1.4 Hz, which takes away what tells rotors from links.
-    log = load(1)
-    assert choose_cutoff(robot, [log], None).outputs == 5.0
+    assert choose_cutoff(robot, [load(1)], None).outputs == 5.0
     rotors = {
         cutoff: errors(1, 3, "with rotor inertia", f"low-passed at {cutoff} Hz")["relative"]
         for cutoff in (1.4, 5)
