@@ -1026,7 +1026,8 @@ def state_gains(fitted: Measured, robot: Robot) -> str:
         error = gains[name] * factors[name] * half
         if error < np.inf:
             each.append(f"{name} {measured(gains[name], error)}")
-    errors = phrase("alternative", "errors" if each else "ratios", each=each)
+    told = "errors" if len(columns) == len(robot.joints) else "some"
+    errors = phrase("alternative", told if each else "ratios", each=each)
     return phrase("alternative", "scaled", gains=for_toml(gains), errors=errors)
 
 

@@ -62,7 +62,7 @@ def test_both_verbs_name_a_scale_and_one_clock_beside_stronger_friction(
     found = analyze("scara", logs_of(*hidden), replicates=0)
     assert found.missing.functions == ("load-dependent friction in shoulder and elbow",)
     assert "a wrong scale of the torque in elbow." in found.details
-    assert "95 % intervals: m2 0.91 ± 0.04" in found.details
+    assert "95 % intervals, if the other gains are right: m2 0.91 ± 0.04" in found.details
     assert "simpler model" not in found.details
 
 
