@@ -8,8 +8,8 @@ import pytest
 SCARA, ARM = study.EVERY.index("scara"), study.EVERY.index("six-dof-arm")
 
 
-def examine(name, folder, number=SCARA):
-    return study.examine_number(folder, "0", number, name, study.CONDITIONS[name])
+def examine(name, folder, number=SCARA, stream="0"):
+    return study.examine_number(folder, stream, number, name, study.CONDITIONS[name])
 
 
 def test_of_logs_as_they_should_be_nothing_false_is_said_and_labels_hold(tmp_path):
@@ -54,8 +54,20 @@ def test_the_model_that_predicts_has_what_is_wrong_with_a_log(tmp_path, name):
 NAMED = [n for n, x in study.CONDITIONS.items() if x.says and n != "noisy positions"]
 
 
-@pytest.mark.everything
+@FULL
 @pytest.mark.parametrize("name", NAMED)
 def test_what_can_be_known_is_named(tmp_path, name):
     number = study.EVERY.index("3-rps" if study.CONDITIONS[name].of == study.CHAINS else "seven")
     assert examine(name, tmp_path, number)["named"]
+
+
+@FULL
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [("a limit that is not stated", 10), ("hobby arm, commands between rows", 1)],
+)
+def test_a_limit_that_few_rows_reach_is_named_and_a_gain_one_percent_off_is_not(
+    tmp_path, name, number
+):
+    row = examine(name, tmp_path, number, "2")
+    assert (row["named"], row["false"]) == (number == 10, [])

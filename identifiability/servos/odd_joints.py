@@ -179,9 +179,8 @@ def _explain_tree(
     from then on, so that faults of several joints are found one after the other.
     """
     joints = problem.trees == tree
-    squares = _sum_squares(problem, end, end)[joints].sum()
-    least = max(BEGUN, PROMISING * squares)
-    for likeliest in _list_likeliest(problem, joints, screening.gain, least):
+    squares = _sum_squares(problem, end, end)
+    for likeliest in _list_likeliest(problem, joints, screening.gain, squares):
         own = np.unique(likeliest[0] % len(joints))
         # A joint whose command stands has no errors, but may move the others.
         judged = own if errors[own].any() else np.flatnonzero(joints)
@@ -210,22 +209,29 @@ def _sum_squares(problem: RolloutProblem, weighing: SearchEnd, end: SearchEnd) -
 
 
 def _list_likeliest(
-    problem: RolloutProblem, joints: np.ndarray, gain: Array, least: float
+    problem: RolloutProblem, joints: np.ndarray, gain: Array, squares: Array
 ) -> list[list[np.ndarray]]:
     """Return the likeliest numbers of each joint of a tree, (n,) bool, and integrals of all.
 
-    Numbers that would explain no more than the least weighted squares are left out. Those that
-    would explain most come first: numbers of a joint, and joints.
+    Numbers that would explain too little of the weighted squares of their joints, (n,), are left
+    out. Those that would explain most come first: numbers of a joint, and joints.
     """
+    count = len(joints)
+
+    def promises(numbers: np.ndarray) -> bool:
+        own = squares[numbers % count].sum()
+        promised: float = gain[numbers].sum()
+        return promised > max(BEGUN, PROMISING * own)
+
     at_ki = problem.at("ki")
     integral = at_ki[joints & (gain[at_ki] > 0)]
     groups = [[integral]] if len(integral) > 1 else []
     for joint in np.flatnonzero(joints):
-        numbers = joint + len(joints) * np.arange(len(KINDS))
+        numbers = joint + count * np.arange(len(KINDS))
         ordered = numbers[np.argsort(-gain[numbers])]
         likeliest = ordered[:3].reshape(-1, 1)
         groups.append([*likeliest])
-    promising = [[x for x in group if gain[x].sum() > least] for group in groups]
+    promising = [[*filter(promises, group)] for group in groups]
     worth = [group for group in promising if group]
     return sorted(worth, key=lambda group: -gain[group[0]].sum())
 
@@ -277,6 +283,9 @@ def _explain_little(
         return
     # To first order a gain that is far off explains less than its fit.
     fitted = _fit_numbers(problem, end.x, at[[likeliest]], ENOUGH)
+    # Errors of the model are not independent: a gain within some percent is as stated.
+    if abs(fitted.x[at[likeliest]]) < 0.03:
+        return
     weights = problem.weights(end.q)
     before = weights * problem.residual(end.q, end.x)
     after = weights * problem.residual(fitted.q, fitted.x)
