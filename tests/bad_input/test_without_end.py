@@ -104,24 +104,17 @@ XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
 #: Formats that are not read, and what of them would not end if they were.
 NOT_READ = {
     "xacro in a ring": (
-        "urdf",
         XACRO.format('<xacro:macro name="a"><xacro:a/></xacro:macro><xacro:a/>'),
         "not expanded",
     ),
-    "xacro that computes": ("urdf", XACRO.format('<link name="${9**9**9}"/>'), "not expanded"),
+    "xacro that computes": (XACRO.format('<link name="${9**9**9}"/>'), "not expanded"),
 }
 
 
-@pytest.mark.parametrize("what", NOT_READ)
-def test_limits_of_formats_that_are_not_read(refuses, what):
-    ending, content, sentence = NOT_READ[what]
-    refuses(Robot.load, f"robot.{ending}", content, sentence)
-
-
-@pytest.mark.parametrize("what", ROBOTS)
-def test_limits_of_robot_files(refuses, what):
-    content, sentence = ROBOTS[what]
-    refuses(Robot.load, "robot.xml", content, sentence)
+@pytest.mark.parametrize("what", ROBOTS | NOT_READ)
+def test_limits_of_robot_files_and_of_formats_that_are_not_read(refuses, what):
+    ending = "urdf" if what in NOT_READ else "xml"
+    refuses(Robot.load, f"robot.{ending}", *(ROBOTS | NOT_READ)[what])
 
 
 def test_what_is_read_takes_a_time_that_grows_like_the_file(tmp_path, at_once):

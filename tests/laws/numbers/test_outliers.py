@@ -91,19 +91,15 @@ def test_one_actuator_is_weighed_down_where_it_lies_out_and_no_other():
     assert kept.samples == ROWS
 
 
-def test_an_outlier_that_is_hidden_by_a_larger_one_is_found():
+@pytest.mark.parametrize(("start", "stop"), [(500, 510), (440, 520)])
+def test_an_outlier_is_found_behind_a_larger_one_and_too_much_for_an_accident_decides_no_more(
+    start, stop
+):
     W, tau = rows()
-    tau[500:510, 0] += 50.0 * W[500:510, 0, 0]
+    tau[start:stop, 0] += 50.0 * W[start:stop, 0, 0]
     tau[520:525, 1] += 3.0
     kept, _ = weigh_outliers(gathered(W, tau), WLS)
     assert weights(kept, W, tau)[1, 104] < 0.05
-    assert_allclose(WLS.fit(kept).value, TRUTH, atol=0.02)
-
-
-def test_what_is_too_much_of_the_logs_for_an_accident_decides_no_more_either():
-    W, tau = rows()
-    tau[440:520, 0] += 50.0 * W[440:520, 0, 0]
-    kept, _ = weigh_outliers(gathered(W, tau), WLS)
     assert_allclose(WLS.fit(kept).value, TRUTH, atol=0.02)
 
 

@@ -187,31 +187,33 @@ def test_a_command_is_read_as_a_measurement_is(name, kind, factor):
     assert (guess.unit and guess.unit.factor) == (factor and pytest.approx(factor))
 
 
+T = 0.01 * np.arange(30)
+Q, DQ = np.sin(T), np.cos(T)
+
+
+def read_scaled(columns, size, offset=0.0, **known):
+    """Read motion of a joint that counts from an offset in units of some size."""
+    known = Conventions(joints=("a",), scales={"a": (size, offset)}, **known)
+    log = Log.from_frame(pd.DataFrame({"t": T, **columns, "a.tau": T}), "log", known)
+    return [x[:, 0] for x in (log.q, log.dq) if x is not None]
+
+
 @pytest.mark.parametrize("size", [-1.0, 5e-5])
 def test_speeds_with_a_unit_take_the_direction_of_counts_and_not_their_size(size):
-    t = 0.01 * np.arange(30)
-    table = {"t": t, "a.q": np.sin(t) / size, "a.dq [rad/s]": np.cos(t) * np.sign(size), "a.tau": t}
-    known = Conventions(joints=("a",), scales={"a": (size, 0.0)})
-    log = Log.from_frame(pd.DataFrame(table), "log", known)
-    np.testing.assert_allclose((log.q[:, 0], log.dq[:, 0]), (np.sin(t), np.cos(t)))
+    table = {"a.q": Q / size, "a.dq [rad/s]": DQ * np.sign(size)}
+    np.testing.assert_allclose(read_scaled(table, size), (Q, DQ))
 
 
 @pytest.mark.parametrize("size", [1.0, -1 / 175])
 def test_a_scale_multiplies_the_unit_of_the_heading(size):
     """Such as a motor's angle in degrees behind a gear, counted the other way."""
-    t = 0.01 * np.arange(30)
-    q, dq = np.sin(t), np.cos(t)
-    motor = {"a.q [deg]": np.degrees(q - 0.3) / size, "a.dq [deg/s]": np.degrees(dq) / size}
-    known = Conventions(joints=("a",), scales={"a": (size, 0.3)})
-    log = Log.from_frame(pd.DataFrame({"t": t, **motor, "a.tau": t}), "log", known)
-    np.testing.assert_allclose((log.q[:, 0], log.dq[:, 0]), (q, dq), atol=1e-12)
+    motor = {"a.q [deg]": np.degrees(Q - 0.3) / size, "a.dq [deg/s]": np.degrees(DQ) / size}
+    np.testing.assert_allclose(read_scaled(motor, size, 0.3), (Q, DQ), atol=1e-12)
 
 
 def test_a_direction_keeps_degrees():
-    t = 0.01 * np.arange(30)
-    table = pd.DataFrame({"t": t, "a.q": -np.degrees(t), "a.tau": t})
-    known = Conventions(joints=("a",), scales={"a": (-1.0, 0.0)}, degrees=("a",))
-    np.testing.assert_allclose(Log.from_frame(table, "log", known).q[:, 0], t, atol=1e-12)
+    (q,) = read_scaled({"a.q": -np.degrees(T)}, -1.0, degrees=("a",))
+    np.testing.assert_allclose(q, T, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", DIMENSIONS)
