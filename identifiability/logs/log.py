@@ -103,6 +103,8 @@ class Log:
         Whether `tau` is motor torque minus link torque.
     arrivals : (N,) or None [s]
         Time since which the commands of each row are held, if they arrived irregularly.
+    aside : (N, n) bool or None
+        Mask of joints that move as they were measured, whatever their command; None if all follow.
     """
 
     name: str
@@ -130,6 +132,7 @@ class Log:
     codes: Mapping[str, Code] = {}
     drives_alone: bool = False
     arrivals: Array | None = None
+    aside: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -269,7 +272,7 @@ class Log:
     @property
     def _arrays(self) -> dict[str, Any]:
         """Return the arrays that have a row for every sample, by name."""
-        names = ("t", *self.channels, "rollout", "base", "unmeasured", "arrivals")
+        names = ("t", *self.channels, "rollout", "base", "unmeasured", "aside", "arrivals")
         found = {name: getattr(self, name) for name in names}
         return {name: x for name, x in found.items() if x is not None}
 
@@ -288,9 +291,8 @@ class Log:
     def each(self, change: Callable[[Array], Array], **others: Any) -> Log:
         """Return the log with one change for all its channels, and with the given other fields."""
         arrays = {name: change(x) for name, x in self._arrays.items() if name != "t"} | others
-        if self.unmeasured is not None:
-            arrays["unmeasured"] = arrays["unmeasured"] > 0
-        return replace(self, **arrays)
+        masks = {k: arrays[k] > 0 for k in ("unmeasured", "aside") if k in arrays}
+        return replace(self, **arrays | masks)
 
     def without(self, channels: Sequence[str]) -> Log:
         """Return the log without some of its derivatives."""

@@ -13,6 +13,7 @@ It imports MuJoCo, so verbs import it inside functions.
 from __future__ import annotations
 
 from .calibration import calibrate_torque, roll_delayed
+from .contacts import leave_out_blocked
 from .first_answer import FirstAnswer
 from .fit import fit_rollouts, follows_better
 from .follow import delay_commands, follow_commands
@@ -38,6 +39,7 @@ __all__ = [
     "follows_better",
     "forgotten",
     "learn_gains",
+    "leave_out_blocked",
     "moving_commands",
     "rms_of_judged",
     "roll_delayed",

@@ -11,8 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.errors import RobotError
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
+from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import First, Progress
 from identifiability.logs import Log
@@ -23,6 +25,7 @@ from .fit import fit_rollouts, refit_rollouts
 from .positions import encoder_noise, resting_rows
 from .rollouts import Rollouts
 from .standing import FEWEST_RESTS
+from .torque import set_aside_rows
 from .windows import Window
 
 #: How many times further away than where friction lets go the command of a blocked joint is.
@@ -35,8 +38,8 @@ def fit_unblocked(
     shares: Mapping[str, float],
     say: Progress,
     first: First | None,
-) -> tuple[Rollouts, list[Log]]:
-    """Return rollouts that follow logs, and the logs in which blocked joints are no data.
+) -> Rollouts:
+    """Return rollouts that follow logs where nothing holds a joint, with these rows.
 
     Parameters
     ----------
@@ -45,18 +48,20 @@ def fit_unblocked(
     """
     assert robot.servo is not None
     found = fit_rollouts(robot, logs, shares, robot.servo.delay, say, first)
-    aside = list(logs)
+    blocked = tuple[np.ndarray, ...]()
     # Numbers of blocked joints find joints that are nearly as blocked.
     for _ in range(2):
         before = found.search[0].windows
-        aside = [set_aside_blocked(robot, log, found) for log in logs]
+        machine = move_by_rollouts(robot, found)
+        blocked = tuple(find_blocked(machine, log) for log in logs)
+        aside = list(map(set_aside_rows, logs, blocked))
         after = [window.along(aside[window.log]) for window in before]
         lost = _lost_share(before, after)
         if not lost.any():
             break
         # Where a tenth of its rows was no data, the search was far from the joint's numbers.
         found = refit_rollouts(found, aside, lost > 0.1)
-    return found, aside
+    return replace(found, blocked=blocked)
 
 
 def _lost_share(before: Sequence[Window], after: Sequence[Window]) -> Array:
@@ -66,57 +71,88 @@ def _lost_share(before: Sequence[Window], after: Sequence[Window]) -> Array:
     return share
 
 
-def set_aside_blocked(robot: Robot, log: Log, found: Rollouts) -> Log:
+def move_by_rollouts(robot: Robot, found: Rollouts) -> CommandedRobot:
+    """Return a robot with the numbers of rollouts."""
+    assert robot.servo is not None
+    known = replace(robot, servo=robot.servo.having(found.numbers))
+    return CommandedRobot(known, found.parameters)
+
+
+def leave_out_blocked(
+    robot: Robot, values: Mapping[str, float], logs: Sequence[Log]
+) -> tuple[list[Log], list[Finding]]:
+    """Return logs in which joints that something else holds are no data, and their findings.
+
+    Logs without commands, and those of a robot that cannot be rolled out, are returned as they are.
+
+    Parameters
+    ----------
+    robot : Robot
+    values : mapping of str to float
+        Standard parameters by name that replace its own.
+    logs : sequence of Log
+        In the robot's order of joints.
+    """
+    if robot.servo is None or not any(log.q_ref is not None for log in logs):
+        return list(logs), []
+    try:
+        machine = CommandedRobot(robot, values)
+    except RobotError:
+        return list(logs), []
+    aside = [set_aside_blocked(machine, log) for log in logs]
+    return aside, state_blocked(logs, aside)
+
+
+def set_aside_blocked(machine: CommandedRobot, log: Log) -> Log:
     """Return a log in which joints that something else holds are no data.
 
     Such a joint moves as it was measured.
 
     Parameters
     ----------
-    robot : Robot
+    machine : CommandedRobot
     log : Log
-        With commands, in the robot's order of joints.
-    found : Rollouts
-        Of this robot.
+        In the robot's order of joints.
     """
-    if log.q_ref is None or robot.servo is None:
-        return log
-    known = replace(robot, servo=robot.servo.having(found.numbers))
-    blocked = find_blocked(CommandedRobot(known, found.parameters), log)
-    if not blocked.any():
-        return log
-    unmeasured = blocked if log.unmeasured is None else blocked | log.unmeasured
-    return replace(log, q_ref=np.where(blocked, log.q, log.q_ref), unmeasured=unmeasured)
+    return set_aside_rows(log, find_blocked(machine, log))
 
 
 def state_blocked(logs: Sequence[Log], aside: Sequence[Log]) -> list[Finding]:
     """Return which joints something else holds, for logs as they came, and without these rows."""
-    where = []
+    where = list[str]()
+    often = dict[str, str]()
     for log, other in zip(logs, aside, strict=True):
         if other.q_ref is None:
             continue
         shares = np.mean(other.q_ref != log.select(other.joints).q_ref, axis=0)
-        where += [
-            f"{other.joints[j]} for {100 * shares[j]:.2g} % of {log.name}"
-            for j in np.flatnonzero(shares)
-        ]
-    return [Finding("blocked", where=where)] if where else []
+        for joint, share in zip(other.joints, shares, strict=True):
+            if share > 0:
+                where.append(f"{joint} for {100 * share:.2g} % of {log.name}")
+            if share > 0.5:
+                often[joint] = option_for_shell("--map", f"{joint}.cmd=left_out")
+    if not where:
+        return []
+    part = "often" if often else "seldom"
+    remedy = phrase("blocked", part, joints=[*often], rules=" ".join(often.values()))
+    return [Finding("blocked", where=where, remedy=remedy)]
 
 
 def find_blocked(machine: CommandedRobot, log: Log) -> np.ndarray:
     """Return rows in which something outside the robot holds a joint, (N, n) bool.
 
-    A joint is judged if friction lets it go at least twice in each direction.
+    A joint is judged if friction lets it go at least twice in each direction, or if it moves
+    for some time in each. Without commanded positions no joint is judged.
 
     Parameters
     ----------
     machine : CommandedRobot
         Its gravity moves a joint off its command, and is subtracted.
     log : Log
-        With commands, in the robot's order of joints.
+        In the robot's order of joints.
     """
-    assert log.q_ref is not None
     blocked = np.zeros(log.q.shape, bool)
+    if log.q_ref is None:
+        return blocked
     gain = machine.servo.gain
     judged = np.flatnonzero((gain > 0) & ~(machine.servo.integral > 0) & ~log.is_unmeasured)
     rests = {j: list_rests(log, j) for j in judged.tolist()}
@@ -134,10 +170,23 @@ def _find_held_rests(
 ) -> np.ndarray:
     """Return rows of the rests at which more than friction holds a joint, (N,) bool.
 
-    Parameters are those of `_friction_limits`.
+    Parameters
+    ----------
+    apart : (N,) [rad or m]
+        Command minus position, without the share of gravity.
+    q : (N,) [rad or m]
+    rests : sequence of (int, int)
+    rows : int
+        For which a joint stands before it is at rest.
     """
     held = np.zeros(len(q), bool)
-    limits = _friction_limits(apart, q, rests, rows)
+    let_go = np.array([stop - 1 for _, stop in rests], int)
+    moves = np.ones(len(q), bool)
+    for start, stop in rests:
+        moves[start:stop] = False
+    limits = _friction_limits(apart, q, let_go, rows, FEWEST_RESTS)
+    # A joint that friction rarely lets go is compared with its own motion.
+    limits = limits or _friction_limits(apart, q, np.flatnonzero(moves), rows, rows)
     if limits is None:
         return held
     middle, reach = limits
@@ -165,27 +214,30 @@ def list_rests(log: Log, joint: int) -> list[tuple[int, int]]:
 
 
 def _friction_limits(
-    apart: Array, q: Array, rests: Sequence[tuple[int, int]], rows: int
+    apart: Array, q: Array, at: np.ndarray, rows: int, fewest: int
 ) -> tuple[float, float] | None:
     """Return the middle of the distances at which friction lets a joint go, and their reach.
 
-    There is nothing if friction rarely lets the joint go.
+    There is nothing if too few rows are followed by motion in a direction.
 
     Parameters
     ----------
     apart : (N,) [rad or m]
         Command minus position, without the share of gravity.
     q : (N,) [rad or m]
-    rests : sequence of (int, int)
+    at : (m,) int
+        Rows after which the joint may move.
     rows : int
         A joint that is let go moves on for as many rows.
+    fewest : int
+        In each direction.
     """
-    ends = np.array([stop for _, stop in rests if stop + rows <= len(q)], int)
-    ahead = q[ends + rows - 1] - q[ends - 1]
-    let_go = apart[ends - 1][ahead * apart[ends - 1] > 0]
+    at = at[at + rows < len(q)]
+    ahead = q[at + rows] - q[at]
+    let_go = apart[at][ahead * apart[at] > 0]
     forward = let_go[let_go > 0]
     backward = let_go[let_go < 0]
-    if min(len(forward), len(backward)) < FEWEST_RESTS:
+    if min(len(forward), len(backward)) < fewest:
         return None
     middle = 0.5 * (np.median(forward) + np.median(backward))
     # A joint that slips while it is blocked is let go further away.

@@ -30,13 +30,13 @@ from identifiability.simulation.rollout import CommandedRobot
 
 from .arrivals import leave_out_irregular, move_commands
 from .calibration import calibrate_torque, prepare_recording
-from .contacts import fit_unblocked, set_aside_blocked, state_blocked
+from .contacts import fit_unblocked, move_by_rollouts, set_aside_blocked, state_blocked
 from .fit import approach_rollouts, divide_gains, refit_rollouts
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints, state_held_out_limits
 from .rollouts import Rollouts, are_contradicted
 from .standing import state_standing
-from .torque import replace_servo
+from .torque import replace_servo, set_aside_rows
 
 
 @frozen
@@ -103,13 +103,10 @@ def follow_commands(
     for log in logs:
         check_units(robot, [log])
     try:
-        if servo.rolled:
-            found = servo.rolled
-            aside = [set_aside_blocked(robot, log, found) for log in logs]
-        else:
-            found, aside = fit_unblocked(robot, logs, file_shares(robot), say, first)
+        found = servo.rolled or fit_unblocked(robot, logs, file_shares(robot), say, first)
     except RobotError as error:
         return _without_rollouts(recordings, servo, error), structure
+    aside = [set_aside_rows(*pair) for pair in zip(logs, found.blocked, strict=True)]
     slide = CommandedRobot(robot, found.parameters).distance(found.numbers)
     servo = replace(servo, slide=slide)
     robot = replace(robot, servo=servo)
@@ -148,8 +145,9 @@ def _take_logs(
     every = [*recordings.fitted]
     for k, log in zip(at, fitted, strict=True):
         every[k] = log
+    machine = move_by_rollouts(robot, found)
     held_out = tuple(
-        set_aside_blocked(robot, log.select(robot.joints), found) if of_commands(log) else log
+        set_aside_blocked(machine, log.select(robot.joints)) if of_commands(log) else log
         for log in recordings.held_out
     )
     return replace(recordings, fitted=tuple(every), held_out=held_out)

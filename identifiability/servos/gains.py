@@ -62,7 +62,7 @@ def learn_gains(robot: Robot, logs: Sequence[Log], say: Progress, first: First |
     shares = file_shares(robot)
     if not shares:
         raise RobotError(Finding("gains.massless", robot.path))
-    found, _ = fit_unblocked(robot, commanded, shares, say, first)
+    found = fit_unblocked(robot, commanded, shares, say, first)
     text = state_gains(robot, [x.name for x in commanded], found, shares)
     servo = replace(with_numbers(robot.servo, found), found=text, rolled=found)
     return replace(robot, servo=servo)

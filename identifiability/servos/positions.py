@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import binary_opening, maximum_filter1d
+from scipy.ndimage import maximum_filter1d
 
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
@@ -40,15 +40,11 @@ def resting_rows(log: Log) -> int:
 def are_aside(log: Log) -> np.ndarray:
     """Return rows in which a joint is no data, as it moves as it was measured, (N, n) bool.
 
-    Its command is its position there, for longer than by chance. What held the joint acts before it
-    rests, and until it is let go, so that rows nearby are no data either.
+    An object holds the joint before it rests, and until it moves. So rows nearby are no data.
     """
-    if log.q_ref is None or log.unmeasured is None:
+    if log.aside is None:
         return np.zeros(log.q.shape, bool)
-    rows = resting_rows(log)
-    same = log.unmeasured & (log.q_ref == log.q)
-    aside = binary_opening(same, np.ones((min(rows, len(log)), 1)))
-    near: np.ndarray = maximum_filter1d(aside, 2 * rows + 1, axis=0)
+    near: np.ndarray = maximum_filter1d(log.aside, 2 * resting_rows(log) + 1, axis=0)
     return near
 
 

@@ -41,6 +41,8 @@ class Rollouts:
         Of ki, kv and log kp.
     unsure : (p,)
         Standard deviations of the vector of the search.
+    blocked : tuple of (N, n) bool
+        Rows of each log in which something outside the robot holds a joint.
     search : tuple
         The problem, and where its search ended: vector, positions, weighted derivative.
     """
@@ -53,6 +55,7 @@ class Rollouts:
     delay_errors: Array
     covariance: Array
     unsure: Array
+    blocked: tuple[np.ndarray, ...] = ()
     search: tuple[Any, ...] = ()
 
 

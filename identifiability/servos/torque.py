@@ -135,11 +135,20 @@ def set_aside_joints(log: Log) -> Log:
         else:
             why = explain_lost(joint, log.q_ref[:, lost], log.q[:, lost], most)
         raise LogError(Finding("servos.unfollowed", log.name, joint=joint, why=why))
-    gone = np.tile(lost, (len(log), 1))
-    if log.unmeasured is not None:
-        gone |= log.unmeasured
-    q_ref = np.where(lost, log.q, log.q_ref)
-    return replace(log, q_ref=q_ref, unmeasured=gone)
+    return set_aside_rows(log, np.tile(lost, (len(log), 1)))
+
+
+def set_aside_rows(log: Log, rows: np.ndarray) -> Log:
+    """Return a log of commands in which joints move as measured in some rows, (N, n) bool.
+
+    They are no data there.
+    """
+    if log.q_ref is None or not rows.any():
+        return log
+    unmeasured = rows if log.unmeasured is None else rows | log.unmeasured
+    aside = rows if log.aside is None else rows | log.aside
+    q_ref = np.where(rows, log.q, log.q_ref)
+    return replace(log, q_ref=q_ref, unmeasured=unmeasured, aside=aside)
 
 
 def follows_command(command: Array, q: Array, most: int) -> bool:

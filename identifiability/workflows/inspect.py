@@ -493,7 +493,7 @@ def _with_logs(found: Inspection, case: Case, run: Run) -> Inspection:
     count = len(recordings.fitted)
     held_out = [replace(record, held_out=True) for record in records[count:]]
     hashes = {f"sha256 {log.path or log.name}": log.sha256 for log in logged}
-    hints = dict.fromkeys(data.hints)
+    hints = dict.fromkeys((*_find_blocked(robot, logged), *data.hints))
     provenance = {**found.provenance, **hashes}
     return replace(
         found,
@@ -501,6 +501,20 @@ def _with_logs(found: Inspection, case: Case, run: Run) -> Inspection:
         hints=tuple(hints),
         provenance=provenance,
     )
+
+
+def _find_blocked(robot: Robot, logs: Sequence[Log]) -> list[Finding]:
+    """Return which joints something outside the robot holds in logs of commands.
+
+    Gravity is that of the file, or of the rollouts that found the gains of the servos.
+    """
+    if robot.servo is None:
+        return []
+    from identifiability.servos import leave_out_blocked  # noqa: PLC0415 - MuJoCo
+
+    found = robot.servo.rolled
+    commanded = [log.select(robot.joints) for log in logs if of_commands(log)]
+    return leave_out_blocked(robot, found.parameters if found else {}, commanded)[1]
 
 
 def _with_currents(found: Inspection, case: Case, run: Run, refusal: LogError) -> Inspection:

@@ -1410,7 +1410,7 @@ def predict(
 
 def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> PositionPrediction:
     """Return how the robot of the file and that of a result move along the logs of a case."""
-    from identifiability.servos import select_commanded  # noqa: PLC0415 - MuJoCo
+    from identifiability.servos import leave_out_blocked, select_commanded  # noqa: PLC0415 - MuJoCo
 
     robot = case.robot
     robot.check_stands("predict --forward")
@@ -1431,6 +1431,9 @@ def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> Pos
     file: Machine = robot, _file_name(robot), {}
     if robot.servo is not None and robot.servo.unknown.any() and other is not None:
         file = replace(robot, servo=other[0].servo), *file[1:]
+    moved, _, values = other or file
+    logs, blocked = leave_out_blocked(moved, values, logs)
+    hints = (*blocked, *hints)
     runs = tuple(_move(*machine, logs) for machine in (file, other) if machine is not None)
     found = PositionPrediction(robot=case.robot, logs=tuple(logs), runs=runs, hints=hints)
     if content is None:
