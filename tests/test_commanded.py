@@ -169,7 +169,7 @@ def test_torque_of_rows_in_which_a_rollout_turns_elsewhere_has_the_friction_of_t
 
 
 def test_bodies_that_motion_does_not_determine_hide_no_wrong_scale(arm):
-    larger, sd = np.repeat([[0.0, 0.3], [0.2, 0.05]], [4, 2], axis=1)
+    larger, sd = np.repeat([[-0.2, 0.3], [0.25, 0.05]], [4, 2], axis=1)
     assert arm.servo.has_doubtful_scale(larger, sd, [0.2] * 6)
     assert not arm.servo.has_doubtful_scale(larger, 0 * sd, [0.2] * 6)
 

@@ -203,7 +203,9 @@ class Servo:
         # The part of each ratio that rollouts determine; prior knowledge determines the rest.
         by_rollouts = np.maximum(1 - (sd / shares) ** 2, 0.0)
         reach = REACH * np.sqrt(by_rollouts.sum())
-        return not self.rolled and bool(abs(np.sum(larger / shares)) > reach)
+        # A ratio that rollouts do not determine may still be far from one: they are not linear.
+        apart = np.sum(larger / shares, where=by_rollouts > 0)
+        return not self.rolled and bool(abs(apart) > reach)
 
     @property
     def doubted(self) -> tuple[Servo, ...]:

@@ -238,12 +238,18 @@ def follows_better(
 def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:
     """Return rollouts with divided gains of the servos, and the factor.
 
-    Bodies then have the file's size on average. Torque at a limit depends on the factor, too, so
-    that further steps, each half as long, follow as long as they gain.
+    Bodies whose size rollouts determine then have the file's on average. Torque at a limit depends
+    on the factor, too, so that further steps, each half as long, follow as long as they gain.
     """
-    step = 2.0 * float(np.mean(found.numbers["sizes"]))
+    problem = found.search[0]
+    prior = 0.5 * np.array([*problem.shares.values()])
+    by_rollouts = np.maximum(1 - (found.unsure[problem.bodies] / prior) ** 2, 0.0)
+    step = 2.0 * float(np.average(found.numbers["sizes"], weights=by_rollouts))
     factor = np.exp(step)
     divided = _divide_once(found, factor)
+    servo = divided.search[0].machine.servo.having(divided.numbers)
+    if not reach_limits(servo, problem.logs, float(divided.delays.mean())).any():
+        return divided, float(factor)
     while abs(step) > LATER:
         step *= 0.5
         further = _divide_once(divided, np.exp(step))
@@ -322,9 +328,14 @@ def list_free(asked: Servo, start: Servo, windows: Sequence[Window], delay: floa
     # Commanded speeds, or a limit, tell kv from friction: only a servo's torque is limited.
     has_speeds = all(log.dq_ref is not None for log in logs)
     known = start.having({"kp": asked.kp})
-    torque = np.concatenate([servo_log(log, known, delay).tau for log in logs])
-    within = np.all((torque > known.low) & (torque < known.high), axis=0)
-    is_limited = (known.high < np.inf) & ~within
+    is_limited = (known.high < np.inf) & reach_limits(known, logs, delay)
     free["kv"] = np.isnan(asked.kv) & (has_speeds | is_limited)
     moves = np.any([window.moves for window in windows], axis=0)
     return np.array([free[kind] & moves for kind in KINDS])
+
+
+def reach_limits(servo: Servo, logs: Sequence[Log], delay: float) -> np.ndarray:
+    """Return joints whose servo reaches a limit of its torque in some row, (n,) bool."""
+    torque = np.concatenate([servo_log(log, servo, delay).tau for log in logs])
+    limited: np.ndarray = np.any((torque <= servo.low) | (torque >= servo.high), axis=0)
+    return limited
