@@ -36,12 +36,12 @@ def test_every_shipped_robot_can_be_studied_and_has_what_its_script_names(robot,
 
 
 def test_a_robot_of_ones_own_gets_a_sidecar_and_a_template(tmp_path):
-    own = tmp_path / "arm.urdf"
-    own.write_bytes((shipped_folder() / "six-dof-arm/robot.urdf").read_bytes())
-    made = new_study(tmp_path / "mine", own)
-    loaded = Robot.load(made.folder / "arm.urdf")
-    assert loaded.sidecar == made.folder / "arm.toml"
-    assert (made.folder / "template.csv").read_text().startswith("t,joint_1.q,joint_1.tau,")
+    own = tmp_path / "dog.xml"
+    own.write_bytes(Robot.load("quadruped").path.read_bytes())
+    made = new_study(tmp_path / "mine", own, recorded={"base": "fixed"})
+    loaded = Case.load(made.folder).robot
+    assert (loaded.sidecar, loaded.base) == (made.folder / "dog.toml", None)
+    assert (made.folder / "template.csv").read_text().startswith("t,FL_hip_joint.q,")
     assert "template.csv" in made.statement
 
 

@@ -196,14 +196,14 @@ def answers_in(picture):
 
 
 def test_each_picture_of_a_page_is_the_file_that_was_described():
-    folder = ROOT / "docs" / "images"
+    folder = ROOT / "docs/images"
     assert {p.name for p in folder.glob("page-*.png")} <= {*PICTURED}
     for name, told in PICTURED.items():
         assert sha256((folder / name).read_bytes()).hexdigest() == told["sha256"], name
 
 
-GALLERY = runpy.run_path(str(ROOT / "docs" / "gallery.py"))["PAGES"]
-PICTURES = runpy.run_path(str(ROOT / "docs" / "pictures.py"))
+GALLERY = runpy.run_path(str(ROOT / "docs/gallery.py"))["PAGES"]
+PICTURES = runpy.run_path(str(ROOT / "docs/pictures.py"))
 #: Pages whose figures the README states.
 STATED = ("arm", "missing")
 

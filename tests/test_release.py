@@ -60,7 +60,7 @@ def test_sentences_on_extras_name_an_extra_of_a_checkout():
 
 def test_every_source_that_code_or_pages_cite_stands_in_the_list():
     key = re.compile(r"\[((?:de |van )?[A-ZÀ-Þ][\w'’-]*(?: & [A-Z][\w'’-]*)? \d{4})")
-    listed = set(key.findall((ROOT / "docs" / "reference" / "sources.md").read_text()))
+    listed = set(key.findall((ROOT / "docs/reference" / "sources.md").read_text()))
     cited = {}
     for folder in ("identifiability", "models", "docs"):
         for path in (ROOT / folder).rglob("*.*"):
@@ -71,7 +71,7 @@ def test_every_source_that_code_or_pages_cite_stands_in_the_list():
 
 
 def test_the_recipe_for_conda_is_of_this_version_and_has_the_same_dependencies():
-    recipe = (ROOT / "recipe" / "recipe.yaml").read_text()
+    recipe = (ROOT / "recipe/recipe.yaml").read_text()
     assert f'version: "{identifiability.__version__}"' in recipe
     called = {"pin": "pinocchio-python", "mujoco": "mujoco-python", "matplotlib": "matplotlib-base"}
     run = recipe.partition("  run:")[2].partition("\ntests:")[0]

@@ -32,9 +32,9 @@ def record(site, name, *files):
 
 def install_other(site, *, over):
     """Install the other distribution; over ours, or before it."""
-    (site / "identifiability" / "profile.py").write_text("x = 1\n")
+    (site / "identifiability/profile.py").write_text("x = 1\n")
     if over:
-        (site / "identifiability" / "__init__.py").write_text("raise ImportError('no pesto')\n")
+        (site / "identifiability/__init__.py").write_text("raise ImportError('no pesto')\n")
     record(
         site, "identifiability-0.5.0", "identifiability/__init__.py", "identifiability/profile.py"
     )
@@ -71,13 +71,13 @@ def test_another_owner_that_replaced_nothing_is_told_and_the_command_runs(site, 
 
 
 def test_an_owner_of_another_name_is_told_by_its_files(site):
-    (site / "identifiability" / "profile.py").write_text("x = 1\n")
+    (site / "identifiability/profile.py").write_text("x = 1\n")
     record(site, "pesto_tools-1.0", "identifiability/__init__.py")
     assert "The distribution 'pesto_tools' also owns" in run(site).stderr
 
 
 def test_what_an_uninstalled_other_leaves_behind_is_told(site):
-    (site / "identifiability" / "__init__.py").unlink()
+    (site / "identifiability/__init__.py").unlink()
     done = run(site, alone=True)
     assert done.returncode == 2
     assert "lacks its __init__.py" in done.stderr
@@ -88,7 +88,7 @@ def test_what_an_uninstalled_other_leaves_behind_is_told(site):
 def test_a_distribution_that_stands_before_the_checkout_is_refused(tmp_path):
     """An editable install is found last; the other package hides all of ours."""
     (tmp_path / "identifiability").mkdir()
-    (tmp_path / "identifiability" / "__init__.py").write_text("")
+    (tmp_path / "identifiability/__init__.py").write_text("")
     record(tmp_path, "identifiability-0.5.0", "identifiability/__init__.py")
     shutil.copy(PACKAGE.parent / "robot_identifiability.py", tmp_path / "robot_identifiability.py")
     done = run(tmp_path)

@@ -29,7 +29,7 @@ def test_pages_are_what_the_code_says():
     assert len(pages) == 7
     for path, text in pages.items():
         assert path.read_text() == text, f"{path.name} is old; run make docs"
-    effects = pages[DOCS / "reference" / "effects.md"]
+    effects = pages[DOCS / "reference/effects.md"]
     assert all(f"\n`{name}`\n" in effects for name in FAMILIES)
 
 
@@ -58,7 +58,7 @@ def test_every_check_stands_in_the_order_and_in_the_table_of_sentences():
 
 
 def test_the_page_of_messages_shows_every_message_and_each_of_its_parts_without_holes():
-    page = (DOCS / "reference" / "messages.md").read_text(encoding="utf-8")
+    page = (DOCS / "reference/messages.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `([\w.]+)` \| (.*?) \| ", page, re.MULTILINE))
     documented = {key: own for key, own in sentences().items() if "level" in own}
     assert {*rows} == {*documented}

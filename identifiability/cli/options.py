@@ -554,7 +554,7 @@ def _read_settings(
         If one is no setting of the verb.
     """
     found: dict[str, Any] = {}
-    if settings and given.get("robot"):
+    if any(tables.values()) and given.get("robot"):
         from identifiability.robot.sidecar import read_settings  # noqa: PLC0415
 
         stated = read_settings(given["robot"], given.get("sidecar"))

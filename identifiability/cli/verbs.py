@@ -9,7 +9,7 @@ from __future__ import annotations
 import runpy
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -44,6 +44,7 @@ from .options import (
     Point,
     Prior,
     Reads,
+    Recorded,
     Records,
     Report,
     Table,
@@ -102,13 +103,15 @@ GIVEN = ("result", "before", "after", "logs")
 @Verb
 def new(
     folder: Annotated[Path, Writes()],
+    recorded: Recorded,
     logs: OptionalLogs = (),
     robot: str = "six-dof-arm",
 ) -> None:
     """Make a folder to begin a study in: robot, sidecar, logs, case.toml and a script."""
     from identifiability.workflows.study import new_study  # noqa: PLC0415
 
-    made = new_study(folder, robot, logs)
+    settings: Any = {key: x for key, x in asdict(recorded).items() if x is not None}
+    made = new_study(folder, robot, logs, settings)
     print_end([*made.notes, made.statement])
     print_command("Begin with:", made.next_line)
     print_end([], made.written)

@@ -16,7 +16,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.quality.recordings import read_logs
 
 DATASETS = Path(__file__).parent / "lerobot"
-SHIPPED = Path(__file__).resolve().parents[2] / "models" / "hobby-arm"
+SHIPPED = Path(__file__).resolve().parents[2] / "models/hobby-arm"
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def frame():
-    return pd.read_csv(SHIPPED / "logs" / "run1.csv")[:300]
+    return pd.read_csv(SHIPPED / "logs/run1.csv")[:300]
 
 
 def read(robot, given):

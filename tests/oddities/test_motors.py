@@ -44,13 +44,13 @@ def test_late_torque_of_coupled_motors_is_shifted():
 
 
 def test_coupled_motors_on_a_moving_base_are_questioned(tmp_path):
-    home = Path(__file__).parents[2] / "models" / "cart-arm"
+    home = Path(__file__).parents[2] / "models/cart-arm"
     side = tmp_path / "side.toml"
     motors = (
         '[transmission]\nmotors = ["a", "b", "c"]\ncoupling = [[1, 0, 0], [0, 1, 0], [0, 1, 1]]\n'
     )
     side.write_text((home / "robot.toml").read_text() + motors)
-    log = pd.read_csv(home / "logs" / "pushed.csv")
+    log = pd.read_csv(home / "logs/pushed.csv")
     yaw, shoulder, elbow = (log[f"{joint}.tau"] for joint in ("yaw", "shoulder", "elbow"))
     log["a.q"], log["b.q"], log["c.q"] = (
         log["yaw.q"],

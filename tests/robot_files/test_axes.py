@@ -34,8 +34,8 @@ rest = 0.2
 def test_a_sidecar_says_the_same_axis_as_a_tendon_of_the_file(load_text, tmp_path):
     ours = load_text(arm(), sidecar=SIDECAR)
     (tmp_path / "tendon").mkdir()
-    (tmp_path / "tendon" / "robot.xml").write_text(arm(after=CABLE))
-    theirs = Robot.load(tmp_path / "tendon" / "robot.xml")
+    (tmp_path / "tendon/robot.xml").write_text(arm(after=CABLE))
+    theirs = Robot.load(tmp_path / "tendon/robot.xml")
     assert {k: v for k, v in ours.nominal.items() if v} == pytest.approx(
         {k: v for k, v in theirs.nominal.items() if v}
     )

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from string import Template
 from tempfile import TemporaryDirectory
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 from identifiability.foundation.errors import LogError, OutputError
 from identifiability.foundation.findings import Finding, phrase
@@ -36,6 +36,9 @@ SHIPPED = "six-dof-arm"
 
 #: Logs that a study has in its script.
 RUNS = ("run1.csv", "run2.csv", "run3.csv")
+
+#: Settings of a case by which its robot is read.
+Recorded = Mapping[Literal["base", "time_unit", "angles", "torque_side"], str]
 
 #: In the name of a log: the robot carries a load.
 _LOADED = re.compile(
@@ -96,6 +99,7 @@ def new_study(
     folder: FilePath,
     robot: Annotated[str | Path, Expected("a robot file, or a shipped robot's name")] = SHIPPED,
     logs: Annotated[Sequence[str | Path], Expected("a list of log files")] = (),
+    recorded: Recorded | None = None,
 ) -> Study:
     """Make a folder to begin a study in.
 
@@ -109,6 +113,8 @@ def new_study(
     logs : sequence of path, optional
         Your own logs, which stay where they are: the case file names them. The last of several
         is held out. Logs whose name tells of a load or tool are those of `payload`.
+    recorded : mapping, optional
+        Settings of the case file, as of `Robot.load`: ``{"base": "fixed"}``.
 
     Raises
     ------
@@ -123,7 +129,8 @@ def new_study(
     if str(robot).lower().endswith(".toml"):
         with TemporaryDirectory() as made:
             notes = write_table(robot, Path(made) / "robot.urdf")
-            return replace(new_study(folder, Path(made) / "robot.urdf", logs), notes=notes)
+            made_study = new_study(folder, Path(made) / "robot.urdf", logs, recorded)
+            return replace(made_study, notes=notes)
     source = locate_robot(robot)
     for log in logs:
         check_there(Path(log))
@@ -142,8 +149,11 @@ def new_study(
         alone, loaded = names, []
     fitted, held_back = (alone[:-1], alone[-1]) if len(alone) > 1 else (alone, None)
     has_logs = bool(logs) or all(name in files for name in names)
-    known = Robot.load(source)
+    settings: Mapping[Any, Any] = recorded or {}
+    known = Robot.load(source, **settings)
     case = _facts_of_case(known, source.name, fitted, held_back, loaded)
+    stated = [f"{key} = {for_toml(x)}" for key, x in settings.items()]
+    case["SETTINGS"] = "\n".join(["[settings]" if stated else "# [settings]", *stated])
     texts = {"study.py": _filled("study.py", {}), FILE: _filled(FILE, case)}
     if not has_logs or (logs and sidecar.name not in files):
         if not has_logs:
