@@ -85,7 +85,7 @@ def read(robot, frame):
 
 def test_servos_of_an_mjcf_are_its_position_actuators_behind_their_gears(tmp_path):
     path = tmp_path / "arm.xml"
-    text = (MODELS / "two-link" / "robot.xml").read_text()
+    text = (MODELS / "two-link/robot.xml").read_text()
     one = '<position joint="shoulder" kp="10" kv="0.5" gear="3" forcerange="-4 5"/>'
     two = '<general joint="elbow" gainprm="7" biastype="affine" biasprm="0 -7 -0.2"/>'
     both = text.partition("<actuator>")[0] + f"<actuator>{one}{two}</actuator></mujoco>"
@@ -120,8 +120,10 @@ def test_doubts_hold_the_effect_of_a_speed_filter_and_a_current_loop(arm):
 def test_a_quadruped_that_floats_by_its_file_stands_where_its_sidecar_says_so(tmp_path):
     robot = Robot.load("quadruped")
     assert_allclose(robot.home[:3], [0, 0.8, -1.6])  # of the keyframe, behind the base
-    shutil.copy(MODELS / "quadruped" / "robot.xml", tmp_path / "robot.xml")
-    assert Robot.load(tmp_path / "robot.xml").base is not None
+    assert Robot.load(shutil.copy(robot.path, tmp_path)).base is not None
+    frame = pd.read_csv(MODELS / "quadruped/logs/run1.csv")
+    frame[["base.x", "base.y", "base.z"]] = frame[["t"] * 3].to_numpy()
+    assert of_key(inspect(robot, frame).hints, "held_base")
 
 
 def test_logs_tell_gains_of_joints_of_which_nobody_states_any(tmp_path):
@@ -725,7 +727,7 @@ def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(ar
 
 
 def test_two_exchanged_commands_are_named():
-    log = pd.read_csv(MODELS / "hobby-arm" / "logs" / "run1.csv")
+    log = pd.read_csv(MODELS / "hobby-arm/logs/run1.csv")
     exchanged = log.rename(columns={"elbow.cmd": "shoulder.cmd", "shoulder.cmd": "elbow.cmd"})
     said = inspect("hobby-arm", exchanged).hints
     assert any("shoulder follows the command of elbow, elbow follows" in each for each in said)

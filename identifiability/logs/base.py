@@ -32,6 +32,9 @@ _KINDS = {
     word: kind for kind in ("acc", "gyro", "pos", "quat") for word in words_for(f"base.{kind}")
 } | {"": "pos"}
 
+#: A base that is stated as fixed.
+HELD = Base("", "", np.zeros(3))
+
 #: Where parts of a record are: proper acceleration, angular velocity, up; contacts follow.
 ACC, GYRO, UP, AFTER = slice(0, 3), slice(3, 6), slice(6, 9), 9
 
@@ -145,6 +148,20 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
     closed = [_closed(c, t, values, source) for c in base.contacts]
     pushed = [_wrench(w.columns, values, source) for w in base.wrenches]
     return np.column_stack([acc, omega, up, *closed, *pushed]), note
+
+
+def measure_way(values: Values) -> tuple[float, float]:
+    """Return how far the pose of a base is from its start at most [m], and its turn [rad].
+
+    They are zero where a log lacks them.
+    """
+    place = _stack(values, [f"pos.{a}" for a in "xyz"])
+    quat = _stack(values, [f"quat.{a}" for a in "xyzw"])
+    way = 0.0 if place is None else np.linalg.norm(place - place[0], axis=1).max()
+    if quat is None or not np.linalg.norm(quat, axis=1).all():
+        return float(way), 0.0
+    unit = quat / np.linalg.norm(quat, axis=1, keepdims=True)
+    return float(way), float(2.0 * np.arccos(np.abs(unit @ unit[0]).min().clip(0.0, 1.0)))
 
 
 def _orientation(values: Values, source: str) -> scipy.spatial.transform.Rotation | None:

@@ -48,6 +48,8 @@ class Conventions:
         Whether commands are read in addition to torque.
     base : Base or None
         The floating base; logs contain its motion.
+    is_held : bool
+        Whether the base is stated as fixed, though logs may contain its motion.
     passive : tuple of str
         Joints without a motor, which need no columns.
     codes : mapping of str to Code
@@ -68,6 +70,7 @@ class Conventions:
     servo: Servo | None = None
     commands: bool = False
     base: Base | None = None
+    is_held: bool = False
     passive: Strings = ()
     codes: Mapping[str, Code] = {}
     lengths: Mapping[str, Coupling] = {}
@@ -103,6 +106,7 @@ class Conventions:
             locked=robot.locked,
             servo=robot.servo,
             base=robot.base,
+            is_held=robot.said.base == "fixed",
             passive=passive,
             lengths=lengths,
         )

@@ -28,7 +28,7 @@ from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 
 from . import signals
-from .base import read_base
+from .base import measure_way, read_base
 from .checks import CHANNELS, COMMANDS, Clock
 from .codes import Code
 from .columns import tell_missing
@@ -92,6 +92,8 @@ class Log:
     base : (N, k) or None
         Motion and contacts of a floating base, as `identifiability.logs.base.read_base` returns
         them.
+    held_way : tuple of float [m, rad]
+        How far the columns of a base that is stated as fixed move and turn it.
     path : str
         The given path, with the topic of a bag; empty for arrays.
     speed_error : (n,) or None [rad/s or m/s]
@@ -127,6 +129,7 @@ class Log:
     servo_delay: float | None = None
     rollout: Array | None = None
     base: Array | None = None
+    held_way: tuple[float, float] = (0.0, 0.0)
     path: str = ""
     speed_error: Array | None = None
     codes: Mapping[str, Code] = {}
@@ -453,6 +456,8 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
         beside = reader.known.base, t, reader.beside, reader.source
         fields["base"], told = read_base(*beside)
         notes = (*notes, told)
+    elif reader.known.is_held:
+        fields["held_way"] = measure_way(reader.beside)
     return Log(
         reader.source,
         naming.joints,

@@ -20,7 +20,7 @@ from identifiability.foundation.quoting import option_for_shell
 from identifiability.robot.floating import BASE_JOINTS
 
 from . import signals
-from .base import find_base
+from .base import HELD, find_base
 from .checks import CHANNELS, MOTIONS, MOTOR, Clock, Numbers, to_floats
 from .columns import (
     DEGREE,
@@ -227,7 +227,7 @@ class TableReader:
         if any(not x.usable for c, x in self._numbers.items() if c.endswith(".q_ref")):
             values.pop("q_ref", None)  # no command before the first one
         self._check(values)
-        if self.known.base is not None:
+        if self._base:
             known = {key: np.isfinite(x) for key, x in raw.items()}
             self.beside = {
                 key: np.interp(values["t"], times[some], raw[key][some])
@@ -283,8 +283,9 @@ class TableReader:
         texts = [k for k, dtype in enumerate(frame.dtypes) if dtype.kind not in "biufcmM"]
         first = {frame.columns[k]: str(frame.iat[0, k]) for k in texts if len(frame)}
         columns = list(frame.columns)
-        if self.known.base is not None:
-            self._base = find_base(columns, self.known.base, self.known.columns)
+        base = HELD if self.known.is_held else self.known.base
+        if base is not None:
+            self._base = find_base(columns, base, self.known.columns)
             columns = [c for c in columns if c not in self._base.values()]
         units = dict(zip(columns, self._form.units, strict=False))
         # Stamps that were never set begin with zero.

@@ -52,6 +52,14 @@ def find_silent(log: Log) -> tuple[Log, list[Finding]]:
     return log, found
 
 
+@mend_each("held_base")
+def find_held_base(log: Log) -> tuple[Log, list[Finding]]:
+    """Report a base that is stated as fixed, and moves by the columns of its pose."""
+    way, turn = log.held_way
+    moves = max(way, turn) > RULES.moving
+    return log, [Finding("held_base", log.name, way=way, turn=np.degrees(turn))] if moves else []
+
+
 # Stuck torque and repeated rows: a sensor or a logger hangs while the robot moves.
 #
 # Torque of a joint that never changes was not measured. If torque stops changing, its sensor hangs,
