@@ -215,7 +215,9 @@ def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(a
     own = arm.servo.having({"limit": np.array([0.0, size * (kind == "limit")])})
     own = replace(own, ki=size * own.kp * (kind == "integral"))
     log = read(arm, draw(arm, 6.0, 0.35, how, rng, TRUTH, own, fault))
-    odd, better, either = find_odd_joints(arm, found := fit_rollouts(arm, [log], file_shares(arm)))
+    found, shares = fit_rollouts(arm, [log], file_shares(arm)), []
+    odd, better, either = find_odd_joints(arm, found, shares.append)
+    assert shares == [0.0]
     assert len(odd) == bool(kind)
     assert (better is found) == (kind in ("play", ""))
     assert not either or kind == "gain"

@@ -11,7 +11,7 @@ from identifiability import IdentifiabilityError, analyze_many
 from identifiability.foundation.engines import Processes, Serial
 from identifiability.workflows import many as module
 
-MODEL = Path(__file__).resolve().parents[1] / "models" / "two-link" / "robot.xml"
+MODEL = Path(__file__).resolve().parents[1] / "models/two-link" / "robot.xml"
 
 OPTIONS = {"replicates": 20, "seed": 1}
 

@@ -72,13 +72,14 @@ def fit_rollouts(
     start = problem.pack(numbers, delay or 0.0)
     problem.windows = thinned
     problem.varied[problem.bodies] = False
-    begun = share_turns(say, 0.05, 0.15)
+    begun = share_turns(say, 0.05, 0.1)
+    anew = share_turns(say, 0.1, 0.15)
     last = share_turns(say, 0.15, 0.35)
     end = descend(problem, start, BEGUN, begun)
     lost = problem.missed(end.q) > RULES.rollout_contradicted
     if lost.any():
         # The search began too far from the numbers of these joints.
-        again = descend(problem, restart_joints(problem, end.x, lost), BEGUN)
+        again = descend(problem, restart_joints(problem, end.x, lost), BEGUN, anew)
         new = problem.missed(again.q)[lost].sum()
         old = problem.missed(end.q)[lost].sum()
         end = again if new < old else end
@@ -302,9 +303,11 @@ def _duration(log: Log) -> float:
     return float(log.t[-1] - log.t[0])
 
 
-def share_turns(say: Progress, start: float, stop: float) -> Callable[[float], None]:
+def share_turns(
+    say: Progress, start: float, stop: float, text: str = "rolling out commands"
+) -> Callable[[float], None]:
     """Return a callback of a search that takes an analysis from one share to another."""
-    return lambda done: say("rolling out commands", start + (stop - start) * done)
+    return lambda done: say(text, start + (stop - start) * done)
 
 
 def list_free(asked: Servo, start: Servo, windows: Sequence[Window], delay: float) -> np.ndarray:

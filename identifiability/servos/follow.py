@@ -31,7 +31,7 @@ from identifiability.simulation.rollout import CommandedRobot
 from .arrivals import leave_out_irregular, move_commands
 from .calibration import calibrate_torque, prepare_recording
 from .contacts import fit_unblocked, move_by_rollouts, set_aside_blocked, state_blocked
-from .fit import approach_rollouts, divide_gains, refit_rollouts
+from .fit import approach_rollouts, divide_gains, refit_rollouts, share_turns
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints, state_held_out_limits
 from .rollouts import Rollouts, are_contradicted
@@ -111,11 +111,11 @@ def follow_commands(
     servo = replace(servo, slide=slide)
     robot = replace(robot, servo=servo)
     structure = replace(structure, robot=robot)
-    say("checking each joint", 0.35)
+    say("locating commands", 0.35)
     moved, irregular, found = locate_commands(structure, aside, found, how, rng.spawn(1)[0])
     if servo.rolled and irregular:
         robot = replace(robot, servo=with_numbers(servo, found))
-    servos = identify_servos(robot, moved, found)
+    servos = identify_servos(robot, moved, found, say)
     say("calibrating torque", 0.55)
     taken = _take_logs(recordings, at, moved, robot, found)
     blocked = state_blocked([*logs, *recordings.held_out], [*aside, *taken.held_out])
@@ -201,7 +201,9 @@ def locate_commands(
     return moved, shares, found
 
 
-def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> IdentifiedServos:
+def identify_servos(
+    robot: Robot, logs: Sequence[Log], found: Rollouts, say: Progress
+) -> IdentifiedServos:
     """Return the servos with the numbers of rollouts, and of odd joints.
 
     Parameters
@@ -211,6 +213,8 @@ def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> Ident
         With commands, in the robot's order of joints.
     found : Rollouts
         Of these logs.
+    say : callable(str, float)
+        Receives the current stage, and the finished share of an analysis.
 
     Raises
     ------
@@ -219,7 +223,8 @@ def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> Ident
     """
     assert robot.servo is not None
     servo = robot.servo
-    odd, better, ambiguous = find_odd_joints(robot, found)
+    checking = share_turns(say, 0.4, 0.55, "checking each joint")
+    odd, better, ambiguous = find_odd_joints(robot, found, checking)
     rivals = [servo] if ambiguous else []
     if better is not found:
         found = better

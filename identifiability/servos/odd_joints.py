@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -69,7 +69,9 @@ class Explanation(NamedTuple):
     end: SearchEnd
 
 
-def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollouts, bool]:
+def find_odd_joints(
+    robot: Robot, found: Rollouts, say: Callable[[float], None] = lambda share: None
+) -> tuple[list[Finding], Rollouts, bool]:
     """Return findings on play, gains and limits, better rollouts, and whether two explain as well.
 
     Only that part of a number's effect counts that no fitted number explains. The three likeliest
@@ -83,6 +85,8 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
     robot : Robot
     found : Rollouts
         Its problem then also varies the numbers that are used.
+    say : callable(float)
+        Receives the share of the joints that are checked.
     """
     problem, end = found.search
     # Where errors are those of recording, no more than a wrong gain can show.
@@ -91,6 +95,7 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
     screening = _screen(problem, end, found, recording, gains_alone=not len(erring))
     explained = _list_freed(problem, end)
     for tree in np.unique(problem.trees):
+        say(float(np.mean(problem.trees < tree)))
         explain = _explain_tree if tree in erring else _explain_little
         for best in explain(problem, end, tree, screening, found.errors):
             explained.append(best)

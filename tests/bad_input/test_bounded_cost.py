@@ -20,7 +20,7 @@ from scipy.io import savemat
 from identifiability import IdentifiabilityError, Log
 from identifiability.logs.formats.reader import check_unpacked
 
-DATASETS = Path(__file__).parents[1] / "interchange" / "lerobot"
+DATASETS = Path(__file__).parents[1] / "interchange/lerobot"
 
 #: Memory [MB] and processor time [s] of a refusal, start and imports included, with a margin.
 MEMORY, TIME = 500, 10
@@ -192,7 +192,7 @@ def test_a_small_file_that_stands_for_very_much_is_refused_at_a_bounded_cost(nam
 @pytest.mark.parametrize(("version", "given"), [("v2.1", ""), ("v3.0", ":0-999999998")])
 def test_a_dataset_that_counts_episodes_it_does_not_hold_is_refused(version, given, tmp_path):
     shutil.copytree(DATASETS / version, tmp_path / "set")
-    path = tmp_path / "set" / "meta" / "info.json"
+    path = tmp_path / "set/meta" / "info.json"
     info = json.loads(path.read_text())
     path.write_text(json.dumps({**info, "total_episodes": 10**9}))
     said = refusal(f"{tmp_path / 'set'}{given}")

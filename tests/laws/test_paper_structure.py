@@ -9,7 +9,7 @@ from identifiability import Model, find_base_parameters
 
 from ..conftest import load
 
-REFERENCE = Path(__file__).parent.parent / "models_reference" / "base_parameter_counts.toml"
+REFERENCE = Path(__file__).parent.parent / "models_reference/base_parameter_counts.toml"
 
 
 def test_actuator_inertia_is_one_of_two_parameters_and_friction_is_all(rps, paper_model):
