@@ -195,6 +195,11 @@ def write_effects() -> tuple[str, dict[str, str]]:
                 f"- `diagnose` searches its shape {how}; without a stated shape a model has a "
                 "usual one"
             )
+        if powers := effect.exponents:
+            out.append(
+                f"- It also searches the exponent δ, from {powers[0]:g} to {powers[-1]:g}. A model "
+                f"states both, as in `{family.name}@joint_2:0.1,2`; without a stated δ it is 1"
+            )
         if family.told_by:
             out.append(f"- How to separate it from similar effects: {family.told_by}")
         if effect.source:

@@ -45,6 +45,9 @@ class Effect(ABC):
     #: How many numbers its shape is, behind the colon of a ladder file.
     shape_size: ClassVar[int] = 0
 
+    #: Exponents that are tried, which a ladder file may state behind the shape; mostly none.
+    exponents: ClassVar[tuple[float, ...]] = ()
+
     #: Whether it acts between motor and gear output, where no sensor behind the gear sees it.
     of_drive: bool = False
 
@@ -336,7 +339,6 @@ class Shaped(AlongAxes):
     #: Effects that its curve becomes as the shape goes to zero, and to infinity; empty where the
     #: curve vanishes.
     limits: ClassVar[tuple[str, str]] = ("", "")
-
     given: float | None = None
     only: str | None = None
 
@@ -412,6 +414,9 @@ class Span:
     farthest: float = 1.0
     motions: tuple[Motion, ...] = ()
 
+
+#: Behind the name of a shape: the exponent of that curve.
+EXPONENT = "_exponent"
 
 #: Motions that distinguish effects from similar ones.
 SPEEDS = "run slow and fast passes through the same positions"
@@ -540,7 +545,8 @@ class Family:
     def at(self, shape: float | tuple[float, ...] | None, place: str) -> Effect:
         """Return the effect with a shape at a place, as the robot has it without one."""
         if isinstance(shape, tuple):
-            return self.effect.about(shape)
+            effect = self.effect.about(shape)
+            return replace(effect, only=place) if isinstance(effect, Shaped) else effect
         if shape is None or np.isnan(shape) or not isinstance(self.effect, Shaped):
             return self.effect
         return replace(self.effect, given=shape, only=place)
@@ -694,9 +700,9 @@ class Placed(Effect):
         """Return the shapes of all parts."""
         shapes = dict[str, float]()
         for effect, taken in self._taken(robot):
-            names = {f"{p.owner}.{self.name}" for p in taken.values()}
+            owners = {p.owner for p in taken.values()}
             every = effect.shapes(robot)
-            shapes |= {name: shape for name, shape in every.items() if name in names}
+            shapes |= {name: x for name, x in every.items() if name.rpartition(".")[0] in owners}
         return shapes
 
     def _taken(self, robot: Robot) -> list[tuple[Effect, dict[int, Parameter]]]:

@@ -8,15 +8,18 @@ friction that drifts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Robot
 
-from .effect import RESTS, SPEEDS, Along, AlongAxes, Family, Shaped, Span, actuated_joints
+from .effect import EXPONENT, RESTS, SPEEDS, Along, AlongAxes, Family, Shaped, Span, actuated_joints
 from .registry import declare
 
 # Viscous friction at every actuated joint and coupled motor.
@@ -146,6 +149,10 @@ class QuadraticFriction(AlongAxes):
 STRIBECK_SHARES = tuple(float(x) for x in np.geomspace(0.04, 1.6, 16))
 
 
+#: Exponents that are tried, four in an octave: 1 is Tustin's curve, 2 a Gaussian.
+EXPONENTS = tuple(round(2.0 ** (0.25 * k), 2) for k in range(-2, 9))
+
+
 def stribeck_velocities(span: Span) -> tuple[float, ...]:
     """Return the velocities that are tried [rad/s or m/s]."""
     return tuple(s * span.rms_speed for s in STRIBECK_SHARES)
@@ -158,27 +165,57 @@ def stribeck_velocities(span: Span) -> tuple[float, ...]:
     continuous=True,
     told_by=SPEEDS,
 )
+@frozen
 class StribeckFriction(Shaped):
-    """``τ = Fs exp(−|q̇/vs|) sign(q̇)``: Fs is the excess of static over Coulomb friction.
+    """``τ = Fs exp(−|q̇/vs|^δ) sign(q̇)``: Fs is the excess of static over Coulomb friction.
 
-    Its shape is the Stribeck velocity vs [rad/s or m/s], by default a tenth of the speed limit.
-    The level cannot be negative. Over a narrow range of speeds it looks like Coulomb with quadratic
-    friction.
+    Its shape is the Stribeck velocity vs [rad/s or m/s], by default a tenth of the speed limit, and
+    the exponent δ, by default 1. A diagnosis chooses both. A model states them as
+    ``stribeck_friction@joint:vs,δ``, a sidecar as ``joint.stribeck_friction`` and
+    ``joint.stribeck_friction_exponent`` among its shapes. The level cannot be negative. Over a
+    narrow range of speeds it looks like Coulomb with quadratic friction.
+
+    Attributes
+    ----------
+    exponent : float or None
+        δ; None takes the robot's, else 1.
     """
 
     name = "stribeck_friction"
-    equation = "τ = Fs exp(−|q̇/vs|) sign(q̇)"
+    equation = "τ = Fs exp(−|q̇/vs|^δ) sign(q̇)"
     source = "[Olsson 1998, Eq. 4]; [Díaz 2010, Eq. 20] prints it without minus sign"
     of_drive = True
     units = (("Fs", "N·m", "N"),)
     symbol = "vs"
     nonnegative = True
     limits = ("coulomb_friction", "coulomb_friction")
+    exponents = EXPONENTS
+
+    exponent: float | None = None
+
+    def about(self, shape: Sequence[float]) -> StribeckFriction:
+        """Return the effect with a Stribeck velocity and an exponent."""
+        given, exponent = shape
+        if min(shape) <= 0:
+            raise ModelError(
+                f"{self.name}: speed and exponent {given:g},{exponent:g}; give numbers above zero."
+            )
+        return replace(self, given=given, exponent=exponent)
 
     def curves(self, at: Along) -> list[Array]:
         """Return the falling curve."""
         share = np.abs(at.speed / self.shape(at.robot, at.axis))
-        return [np.exp(-share) * at.sign]
+        return [np.exp(-(share ** self.power(at.robot, at.axis))) * at.sign]
+
+    def power(self, robot: Robot, axis: Axis) -> float:
+        """Return the exponent at an axis."""
+        return self.exponent or robot.shapes.get(f"{axis.name}.{self.name}{EXPONENT}") or 1.0
+
+    def shapes(self, robot: Robot) -> dict[str, float]:
+        """Return the Stribeck velocity of every axis, and its exponent unless that is 1 anyway."""
+        powers = {f"{a.name}.{self.name}{EXPONENT}": self.power(robot, a) for a in self.axes(robot)}
+        stated = {name: x for name, x in powers.items() if x != 1.0 or name in robot.shapes}
+        return super().shapes(robot) | stated
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return a share of the speed limit of an axis, or of a typical one [rad/s or m/s]."""
@@ -212,6 +249,7 @@ class RisingFriction(StribeckFriction):
     source = "[Olsson 1998, Eq. 4] with a static level below that of Coulomb"
     units = (("Fr", "N·m", "N"),)
     symbol = "vr"
+    exponents = ()
 
     def curves(self, at: Along) -> list[Array]:
         """Return what is missing at low speed."""
@@ -245,6 +283,7 @@ class SigmoidFriction(StribeckFriction):
     source = "[Gaz 2019]"
     units = (("Ft", "N·m", "N"),)
     symbol = "vt"
+    exponents = ()
     limits = ("coulomb_friction", "viscous_friction")
 
     def curves(self, at: Along) -> list[Array]:

@@ -522,6 +522,17 @@ class MixedModel:
         shown = information > THIN * float(planted @ whole @ planted)
         return 1.0 / np.sqrt(information) if shown else np.inf
 
+    def levels(self, terms: Terms, columns: np.ndarray) -> tuple[Array, Array]:
+        """Return the value of each of some columns alone, given some terms, and its error, (k,)."""
+        s = self.solve(terms)
+        along = self._project(s, columns)
+        each = np.arange(len(columns))[:, None]
+        outside = self._between(columns, columns) - along.squares(each)[:, 0, 0]
+        left = self.target[columns] - along.times(s.half)
+        information = np.maximum(outside, ROUNDOFF)
+        unit = self.scale[columns]
+        return left / information / unit, 1.0 / np.sqrt(information) / unit
+
     def _products_given(self, terms: Terms, columns: np.ndarray) -> tuple[Array, Array]:
         """Return products (k, k) of columns, and their part that some terms explain."""
         along = self._project(self.solve(terms), columns)

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from identifiability.effects import Part, Placed, find_family
-from identifiability.effects.effect import Shaped, measure_spans
+from identifiability.effects.effect import EXPONENT, Shaped, measure_spans
 from identifiability.foundation.linalg import RANK_TOLERANCE, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH
@@ -318,7 +318,10 @@ class ShapeRefits:
         """Read the rows once, and refit the rest at each of the values."""
         joint, family = self.place
         robot = self.structure.robot
-        tried = Placed([Part(find_family(family).at(float(x), joint), joint) for x in values])
+        more = [x for n, x in self.structure.shapes.items() if n == f"{self.name}{EXPONENT}"]
+        at = find_family(family).at
+        shapes = [(x, *more) if more else x for x in values.tolist()]
+        tried = Placed([Part(at(x, joint), joint) for x in shapes])
         levels = tried.parameters(robot)
         first = len(self.structure.parameters)
         columns = np.array([*self.others, *range(first, first + len(levels))])

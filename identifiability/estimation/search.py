@@ -540,7 +540,7 @@ def _refined(
 
     A parabola through the likeliest grid shape and its two neighbours has its maximum there.
     """
-    odds = _odds_of_each(model, rest, group, group.members[: len(sets)])
+    odds = odds_of_each(model, rest, group, group.members[: len(sets)])
     at = where = int(odds.argmax())
     if 0 < at < len(odds) - 1:
         before, here, after = odds[at - 1 : at + 2]
@@ -549,11 +549,11 @@ def _refined(
     for c in sets[at]:
         grid = np.log([x.shape for some in sets for x in some if x.place == c.place])
         shape = float(np.exp(np.interp(where, np.arange(len(grid)), grid)))
-        out.append(replace(c, shape=shape, effect=c.family.at(shape, c.place)))
+        out.append(c.with_shape(shape))
     return out
 
 
-def _odds_of_each(
+def odds_of_each(
     model: MixedModel, rest: Terms, group: Group, members: Sequence[np.ndarray]
 ) -> Array:
     """Return the log odds of members of a group by themselves, (m,)."""

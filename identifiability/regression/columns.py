@@ -13,7 +13,7 @@ from itertools import groupby, islice, pairwise
 
 import numpy as np
 
-from identifiability.effects import Effect, Family, Part, Span
+from identifiability.effects import Effect, Family, Part, Shaped, Span
 from identifiability.effects.effect import hides, list_entries, measure_spans
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array
@@ -70,6 +70,13 @@ class Candidate:
     def part(self) -> Part:
         """The candidate as a part of an effect."""
         return Part(self.effect, self.place, self.kinds)
+
+    def with_shape(self, shape: float) -> Candidate:
+        """Return the candidate with another shape, and the same exponent."""
+        effect = self.effect
+        if isinstance(effect, Shaped):
+            effect = replace(effect, given=shape)
+        return replace(self, shape=shape, effect=effect)
 
 
 @frozen

@@ -173,7 +173,8 @@ def _read_effect(name: str, written: Iterable[str]) -> Effect:
         if shape is not None and not effect.shape_size:
             raise ModelError(f"'{text}': {name} has no shape; leave out the number behind the ':'.")
         given = 0 if shape is None else len(shape) if isinstance(shape, tuple) else 1
-        if given not in (0, effect.shape_size):
+        most = effect.shape_size + bool(effect.exponents)
+        if given not in (0, effect.shape_size, most):
             raise ModelError(
                 f"'{text}': the shape of {name} is {effect.shape_size} numbers, and {given} stand "
                 "behind the ':'."

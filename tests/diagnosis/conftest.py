@@ -32,8 +32,7 @@ def make_logs(name, *hide, seed=0, rho=0.9, motion=0.0):
 @cache
 def diagnosed(name, *hide, seed=0, **options):
     logs = make_logs(name, *hide, seed=seed)
-    options = {"forward": False, **options}
-    return diagnose(name, logs[:4], logs[4:], **options)
+    return diagnose(name, logs[:4], logs[4:], **{"forward": False, **options})
 
 
 @pytest.fixture(scope="session")

@@ -15,11 +15,6 @@ from identifiability.simulation import Campaign, random_trajectory
 from identifiability.workflows.diagnose.naming import Naming
 
 
-def seldom(*case):
-    """A case that is like another here, or in test_diagnosis."""
-    return pytest.param(*case, marks=pytest.mark.everything)
-
-
 @pytest.mark.parametrize(
     ("robot", "hidden", "joints"),
     [
@@ -138,7 +133,11 @@ def test_an_effect_that_no_family_fits_is_given_no_name(logs_of):
 
 
 @pytest.mark.parametrize(
-    ("rho", "motion"), [seldom(0.0, 0.0), seldom(0.9, 0.0), seldom(0.98, 0.0), (0.9, 0.01)]
+    ("rho", "motion"),
+    [
+        *(pytest.param(x, 0.0, marks=pytest.mark.everything) for x in (0.0, 0.9, 0.98)),
+        (0.9, 0.01),
+    ],
 )
 def test_nulls_get_a_name_no_more_often_than_they_may(rho, motion, logs_of):
     """The whole path from the raw log on; at a rate of .1 more than 2 of 4 happen once in 270."""
@@ -175,19 +174,22 @@ def test_friction_of_all_joints_but_one_is_named_in_these_joints_alone(
 
 
 def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tmp_path):
-    """Friction falls with the square of the speed, and no family does; the name is right."""
+    """Friction falls with the square of the speed, and differs a little between directions."""
     robot, rng = Robot.load("two-link"), default_rng(99)
     c = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
     v = c.move.dq[:, 0]
     added = np.zeros_like(c.move.dq)
-    added[:, 0] = 2.0 * np.sign(v) * np.exp(-((v / (0.3 * v.std())) ** 2))
+    added[:, 0] = 2.0 * (0.1 + np.sign(v)) * np.exp(-((v / (0.3 * v.std())) ** 2))
     noise = Noise(additive=0.004, correlation=0.9, encoder=2e-5)
     logs = c.logs(added, noise, default_rng(0))
     d = diagnose(robot, logs[:4], logs[4:], forward=False)
     assert named(d) == [("stribeck_friction", ("shoulder",))]
-    assert d.held_after < 0.5 * d.held_before
+    assert d.held_after < 0.3 * d.held_before
+    (placed,) = d.effects[0].placements
+    assert abs(placed.values[0] - 2.0) < 3 * placed.errors[0] < 0.1
+    assert ",2.0" in d.model_text
     (function,) = d.to_dict()["possible"]
-    assert "is not used: it gains 460 nats on left-out parts" in d.unexplained
+    assert "is not used: it gains 150 nats on left-out parts" in d.unexplained
     assert (function["name"], function["place"]) == ("function_of_velocity", "shoulder")
     page = d.write_report(tmp_path / "d.html").read_text()
     assert "Effects that may also be present" in page

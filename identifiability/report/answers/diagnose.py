@@ -424,6 +424,7 @@ def _state_size(e: NamedEffect) -> str:
 
     An effect of several numbers a place has no single size. The number of an effect with a shape is
     the limit of its curve: where the logs do not come near, their largest torque is stated instead.
+    A remark says if the limit of a curve may also be zero.
     """
     placements = [p for p in e.placements if p.sure]
     rows = [row for p in placements for row in p.rows]
@@ -434,13 +435,14 @@ def _state_size(e: NamedEffect) -> str:
     torques = [row for row in rows if row[3] in TORQUE_UNITS]
     if len(rows) > len(placements) or not torques:
         return ""
-    _, value, error, unit = max(torques, key=lambda row: abs(row[1]))
-    shaped = any(np.isfinite(p.shape) for p in placements)
-    peak = max(p.peak for p in placements)
-    if shaped and _is_far(value, error, peak):
-        return sentence("diagnosis.missing", "peak", peak=peak, unit=unit)
+    p = max(placements, key=lambda p: abs(p.values[0]))
+    ((_, value, error, unit),) = p.rows
     part = "size" if len(rows) == 1 else "largest"
-    return sentence("diagnosis.missing", part, size=measured(abs(value), error, unit))
+    vague = np.isfinite(p.shape) and abs(value) < REACH * error
+    if np.isfinite(p.shape) and _is_far(value, error, p.peak):
+        value, error, part = p.peak, error * p.peak / abs(value), "largest"
+    size = sentence("diagnosis.missing", part, size=measured(abs(value), error, unit))
+    return size + sentence("diagnosis.missing", "vague") if vague else size
 
 
 def _is_far(limit: float, error: float, peak: float) -> bool:
@@ -608,13 +610,14 @@ def _list_refitted(d: Diagnosis, joint: str, old: Mapping[str, float]) -> list[t
 
 
 def _state_shape(d: Diagnosis, family: str, p: Placement) -> str:
-    """Return the speed that shapes a curve of friction, with its name, if it is known."""
+    """Return the speed and exponent that shape a curve of friction, if they are known."""
     if not np.isfinite(p.shape_error):
         return ""
     sliding = [axis.name for axis in d.robot.axes if axis.prismatic]
     unit = "m/s" if p.place in sliding else "rad/s"
     symbol = getattr(find_family(family).effect, "symbol", "") or "shape"
-    return f"{symbol} = {measured(p.shape, p.shape_error, unit)}"
+    exponent = f", δ = {p.exponent:.2g}" if np.isfinite(p.exponent) else ""
+    return f"{symbol} = {measured(p.shape, p.shape_error, unit)}{exponent}"
 
 
 class ForwardGapPresenter(Presenter):

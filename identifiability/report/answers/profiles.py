@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from identifiability.effects import FAMILIES, title_of
+from identifiability.effects.effect import EXPONENT
 from identifiability.estimation.profile import Profile
 from identifiability.foundation.answers import Answer
 from identifiability.foundation.rounding import format_number
@@ -32,7 +33,9 @@ def answer_profiles(
         stated = shapes.get(curve.number.name, lower)
         if not lower <= stated <= upper:
             place, _, family = curve.number.name.rpartition(".")
-            best = f"{family}@{place}:{curve.best:.3g}"
+            power = shapes.get(f"{curve.number.name}{EXPONENT}")
+            more = f",{power:g}" if power else ""
+            best = f"{family}@{place}:{curve.best:.3g}{more}"
             holes = {"stated": format_number(stated, 3), "unit": curve.number.unit, "best": best}
             said.append(sentence("analysis.bounds", "excluded", **holes))
     regions = " ".join(said)

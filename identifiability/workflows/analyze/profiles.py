@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects import find_family
+from identifiability.effects.effect import EXPONENT
 from identifiability.effects.measurement import ClockError, FromJoint, TimeDelay
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import least_noise
@@ -63,7 +64,8 @@ def list_numbers(structure: Structure) -> list[str]:
 
 def list_lengths(structure: Structure) -> list[str]:
     """Return the names of shapes that are lengths or speeds, and not the number of a joint."""
-    effects = {name: find_family(name.rpartition(".")[2]).effect for name in structure.shapes}
+    names = (name for name in structure.shapes if not name.endswith(EXPONENT))
+    effects = {name: find_family(name.rpartition(".")[2]).effect for name in names}
     return [name for name, effect in effects.items() if not isinstance(effect, FromJoint)]
 
 

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import zip_longest
+from itertools import chain, zip_longest
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,15 @@ from scipy.special import logsumexp, softmax
 
 from identifiability.effects import Part as EffectPart
 from identifiability.effects import Placed, find_families
+from identifiability.effects.effect import EXPONENT
 from identifiability.effects.friction import REVERSALS
+from identifiability.effects.functions import FunctionOfVelocity
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Evidence
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.estimation.mixed_model import MixedModel, Term, Terms
+from identifiability.estimation.mixed_model import EVERYWHERE, MixedModel, Term, Terms
 from identifiability.estimation.noise import split_runs
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES
@@ -56,6 +58,7 @@ from identifiability.workflows.analyze.judge import select_fit
 from identifiability.workflows.analyze.ladder import fit_ladder, hold_folds
 from identifiability.workflows.changes import Change, rows_of
 
+from .laws import choose_law
 from .problem import (
     KnownValues,
     Problem,
@@ -85,6 +88,8 @@ class Part:
         Its posterior probability among all competing hypotheses.
     nearest : tuple of Term
         For a nonparametric function: the likeliest named families instead of it.
+    spread : float [N·m or N]
+        Error of its level because speed and exponent of its law are not known exactly.
     """
 
     candidate: Candidate
@@ -94,6 +99,7 @@ class Part:
     rivals: Terms
     weight: float
     nearest: Terms = ()
+    spread: float = 0.0
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return its parameters."""
@@ -167,7 +173,7 @@ class Naming:
             return np.nan
         step = 0.01 * c.shape  # a hundredth changes the slope little
         ends = [c.shape - step, c.shape + step]
-        near = [replace(c, shape=x, effect=c.family.at(x, c.place)) for x in ends]
+        near = [c.with_shape(x) for x in ends]
         every = tuple(number([*self.missing.candidates, *near]))
         model = replace(self.missing, candidates=every).model()
         value, _ = self.values(k)
@@ -393,7 +399,39 @@ def name_missing(looked: Naming) -> Naming:
         refuted=judged.refuted,
         possible=judged.possible,
     )
-    return with_parts(named, parts)
+    named = with_parts(named, parts)
+    for part in parts:
+        if part.candidate.effect.exponents:
+            named = with_law(named, part)
+    return named
+
+
+def with_law(naming: Naming, part: Part) -> Naming:
+    """Return a naming with the likeliest law of a part, given the others.
+
+    A smooth function of the velocity in its joint that gains nothing more is not missing.
+    """
+    place = part.candidate.place
+    curve = FunctionOfVelocity.name, place
+    own = {part.candidate.group, curve}
+    pairs = zip(naming.parts, naming.terms, strict=True)
+    rest = tuple(t for p, t in pairs if p.candidate.group not in own)
+    columns = chain(*naming.search.missing.sets.get(curve, ()))
+    law, spread, gain = choose_law(naming.missing, rest, part.term, part.candidate, [*columns])
+    better = replace(part, candidate=law, spread=spread)
+    parts = [better if p.candidate.group == part.candidate.group else p for p in naming.parts]
+    if gain < RULES.name + RULES.keep:
+        naming = _without_curve(naming, place)
+        parts = [p for p in parts if p.candidate.group != curve]
+    return with_parts(naming, parts)
+
+
+def _without_curve(naming: Naming, place: str) -> Naming:
+    """Return a naming in which no function of the velocity of a joint may also be missing."""
+    curves = [(FunctionOfVelocity.name, x) for x in (place, EVERYWHERE)]
+    possible = tuple(x for x in naming.possible if x[0].key not in curves)
+    after = tuple(t for t in naming.after if t.key not in curves)
+    return replace(naming, possible=possible, after=after)
 
 
 def _write_term(judged: Judged, k: int) -> Iterator[Part]:
@@ -805,7 +843,9 @@ def _write_part(robot: Robot, part: EffectPart) -> str:
     """Return an effect at its place, with its kinds and shape, as a model file writes it."""
     name, whole = part.effect.name, replace(part, kinds=())
     every = whole.find(robot)[1].values()
-    shape = part.effect.shapes(robot).get(f"{part.owner}.{name}")
+    shapes = part.effect.shapes(robot)
+    names = (f"{part.owner}.{name}", f"{part.owner}.{name}{EXPONENT}")
+    shape = ",".join(repr(float(shapes[n])) for n in names if n in shapes)
     some = "" if len(every) == len(part.kinds) else f".{'+'.join(part.kinds)}"
     where = f"{name}{some}@{part.owner}"
-    return where if shape is None else f"{where}:{float(shape)!r}"
+    return f"{where}:{shape}" if shape else where

@@ -80,7 +80,8 @@ class Placement:
         nan for families without one.
     parameters, units : tuple of str
     values, errors : (k,)
-        Of the mixed model, with standard errors.
+        Of the mixed model, with standard errors. That of a law of friction includes the error by
+        its shape.
     rms : float [N·m or N]
         Of the torque that it adds at the joint where it is largest.
     peak : float [N·m or N]
@@ -94,6 +95,8 @@ class Placement:
         Whether the effect is named there. Else only its values elsewhere need it.
     shape_error : float
         Standard error of the shape; nan for families without one that is estimated.
+    exponent : float
+        Exponent of the speed in its law; nan for families without one.
     """
 
     place: str
@@ -110,6 +113,7 @@ class Placement:
     unseen: float = float("nan")
     sure: bool = True
     shape_error: float = float("nan")
+    exponent: float = float("nan")
 
     @property
     def rows(self) -> list[tuple[str, float, float, str]]:
@@ -597,7 +601,16 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
     names = "joints", "weight", "confirmed", "everywhere", "unnamed", "nearest"
     places = [
         {
-            **pick(p, "shape", "shape_error", "rms", "weight", joint="place", log_odds="odds"),
+            **pick(
+                p,
+                "shape",
+                "shape_error",
+                "exponent",
+                "rms",
+                "weight",
+                joint="place",
+                log_odds="odds",
+            ),
             "or": _rival_rows(p.rivals),
             "parameters": dict(zip(p.parameters, p.values.tolist(), strict=True)),
         }

@@ -72,9 +72,9 @@ def test_each_direction_has_a_positive_level_and_standing_still_has_none(polar, 
 def test_stribeck_friction_falls_by_e_at_its_velocity(polar, move, columns):
     m = move(polar, T)
     v = m.actuated_v
-    force = np.sign(v) * np.exp(-np.abs(v) / 0.07)
-    check(columns(polar, m, "stribeck_friction@*:0.07"), per_joint("Fs", ("N·m", "N"), force))
-    only = columns(polar, m, "stribeck_friction@reach:0.07")
+    force = np.sign(v) * np.exp(-((v / 0.07) ** 2))
+    check(columns(polar, m, "stribeck_friction@*:0.07,2"), per_joint("Fs", ("N·m", "N"), force))
+    only = columns(polar, m, "stribeck_friction@reach:0.07,2")
     check(only, {"reach.Fs": ("N", along_joints(force)[1])})
     # Without a velocity: a tenth of the speed limit, which is 2 rad/s and 0.3 m/s where unknown.
     force = np.sign(v) * np.exp(-np.abs(v) / np.array([0.2, 0.03]))
