@@ -98,7 +98,6 @@ def test_the_command_writes_a_report(simulated_session, succeeds, tmp_path):
         # A thousand experiments once gave one of the 37 by chance what six thousand do not show.
         pytest.param(0, 3000, marks=pytest.mark.everything),
     ],
-    ids=["small", "full"],
 )
 def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, replicates):
     result = analysis.models[model] if model else analysis.full

@@ -35,6 +35,8 @@ def pushed(tmp_path_factory):
 
 
 def test_an_arm_on_a_cart_that_is_pushed_says_what_it_says_bolted_down(pushed, tmp_path):
+    page = pushed[0].write_report(tmp_path / "page.html").read_text()
+    assert 'text">base.x<' not in page  # no motor drives it
     stands = Robot.load("cart-arm", base="fixed")
     held = analyze(stands, log("cart-arm", "bolted.csv"), replicates=50)
     with pytest.raises(IdentifiabilityError, match=r"no mass of cart: its robot was held"):

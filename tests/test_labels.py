@@ -18,7 +18,7 @@ from identifiability.workflows.analyze.workflow import say_unequal
 SLIDERS = [f"slider{k}.Fv" for k in (1, 2, 3)]
 
 
-@pytest.fixture(scope="module", params=[case.COMPLETED, ()], ids=["named", "missing"])
+@pytest.fixture(scope="module", params=[case.COMPLETED, ()])
 def found(request, tmp_path_factory):
     """The shipped 3-RPS with friction in passive joints, which is named, or of no model."""
     made = new_study(tmp_path_factory.mktemp("3-rps") / "study", "3-rps")

@@ -32,10 +32,10 @@ def test_no_identifiable_parameter_beside_good_predictions_is_explained(analysis
     assert found.chosen.error_ra_validation < 0.08
     count = len(found.chosen.submodel)
     use = found.details
-    assert "Use the values together, none by itself" in use
+    assert "No parameter by itself, only the torque" in use
     assert f" of {count} parameters. Log longer and more varied motion." in use
     longer = analysis_of(150).details
-    assert "none by itself" not in longer
+    assert "by itself" not in longer
     assert "largest part of the standard error" not in longer
 
 

@@ -39,7 +39,7 @@ def test_nothing():
 }
 
 
-@pytest.fixture(params=[(), ("--numprocesses", "2")], ids=["one process", "two runners"])
+@pytest.fixture(params=[(), ("--numprocesses", "2")])
 def run(request, tmp_path):
     """A function CI -> exit code and last lines of a run of tests that skip."""
     for name, text in SKIPPING.items():

@@ -34,7 +34,7 @@ from identifiability.robot.kinematics import Point
 
 from .answers.common import NAMED, capital, hint_note, sentence, words
 from .answers.compare import list_loaded
-from .answers.diagnose import table_refitted
+from .answers.diagnose import table_fitted, table_refitted
 from .answers.predict import find_worst, name_runs
 from .answers.tables import make_table, unit_cell
 from .blocks import (
@@ -197,6 +197,8 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
     residual = np.where(gap.data[:, :, None], gap.residual, np.nan)[own]
     before = residual[..., 0]
     lines = {"before": before, "after": residual[..., -1]}
+    if not d.included:
+        lines = torque_lines(torque, torque - before)
     t = gap.t[0]
     about = d.robot, sample.motion, t, torque, lines, sample.name, before
     return move_with_torque(*about, "explained" if d.included else "")
@@ -218,6 +220,7 @@ def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
     bending = None if d.bending is None or not d.bending.joints else _section_bending(d.bending)
     return [
         section_effects(d),
+        _section_fitted(d),
         _section_gap(d),
         forward,
         bending,
@@ -233,7 +236,7 @@ def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
 SHOWN = 6
 
 
-def section_effects(d: Diagnosis) -> Section:
+def section_effects(d: Diagnosis) -> Section | None:
     """Return the named effects with their values, the refuted effects, and the possible ones.
 
     The first curve is on the first screen.
@@ -248,8 +251,7 @@ def section_effects(d: Diagnosis) -> Section:
         table = make_table("possible", map(_odds_row, d.possible))
         possible = Fold(sentence("diagnosis.possible"), (table,))
     blocks = (*d.tables()[:-1], curves, refuted, possible)
-    nothing = sentence("diagnosis.nothing") if not any(blocks) else None
-    return section("diagnosis.effects", *blocks, nothing)
+    return section("diagnosis.effects", *blocks) if any(blocks) else None
 
 
 def _curves(d: Diagnosis, most: int) -> list[Picture]:
@@ -278,6 +280,11 @@ def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
     labels = f"{over}{other} [{units.get(c.against, 's')}]"
     unit = d.robot.torque_units[c.joint]
     return labels, f"{name_torque(unit)} [{unit}]"
+
+
+def _section_fitted(d: Diagnosis) -> Section | None:
+    fitted = table_fitted(d)
+    return None if fitted is None else section("diagnosis.values", fitted)
 
 
 def _section_gap(d: Diagnosis) -> Section:

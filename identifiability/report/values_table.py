@@ -12,10 +12,12 @@ from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.rounding import join, measured, stated_text
 from identifiability.physical.cad_prior import mass_rows
 from identifiability.robot import Robot
+from identifiability.robot.floating import BASE_JOINTS
+from identifiability.robot.servo import list_gains
 from identifiability.workflows.analyze.result import Laddered
 
 from .answers.analyze import label_note
-from .answers.common import JOINT_KINDS, sentence
+from .answers.common import JOINT_KINDS, sentence, shorten_places
 from .answers.tables import make_table
 
 
@@ -28,6 +30,7 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     """
     robot = result.robot
     rows_of = _ModelRows(result)
+    servo = {} if result.nothing else result.fit.servo
     kinds = [k for k in (*JOINT_KINDS, robot.inertia_parts[0]) if rows_of.have(k)]
     known = {} if result.nothing else result.real_robot["parameters"]
     masses = {row["body"]: row for row in mass_rows(robot, known)}
@@ -40,15 +43,19 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     motors = [a.name for a in robot.axes if a.name not in robot.joints]
     places_of = {name.rpartition(".")[0] for name in rows_of.known if name.endswith(JOINT_KINDS)}
     passive = [joint for joint in robot.passive if joint in places_of]
-    places = [*robot.joints, *motors, *passive]
+    floats = BASE_JOINTS if robot.base else ()  # nothing drives them
+    places = [x for x in (*robot.joints, *motors, *passive) if x not in floats]
     weights = [rows_of.show_mass(masses.get(bodies.get(place, ""))) for place in places]
     # A column without a value is one sentence.
     weighed = any(cell.text != "–" for cell in weights)
     titles = [sentence("values", name) for name in (*(["m"] if weighed else []), *names)]
     columns = [Column(sentence("values", "joint")), *(Column(t, "badge") for t in titles)]
+    gains = [", ".join(list_gains(servo, place)) for place in places]
+    columns += [Column(sentence("values", "gains"))] * any(gains)
     rows = []
-    for place, weight in zip(places, weights, strict=True):
+    for place, weight, gain in zip(places, weights, gains, strict=True):
         cells = [rows_of.show(f"{place}.{kind}") for kind in kinds]
+        cells += [Cell(gain)] * any(gains)
         name = Cell(place, note=sentence("values", "passive") if place in passive else "")
         rows.append((name, *([weight] if weighed else []), *cells))
     caption = "caption" if weighed or not masses else "massless"
@@ -117,8 +124,11 @@ class _ModelRows:
         sigma = verdict.sigma_label
         file = sentence("values", _find_part(verdict), value=_state_file(verdict.nominal, sigma))
         word = self._explain_doubt(verdict) or verdict.word
+        usage = stated_text(used, sigma)
+        if why:  # predictions, files and other pages have this number
+            word = sentence("values", "exported", word=word, value=usage)
         note = f"{word}; {file}"
-        more = sentence("values", "used", value=stated_text(used, sigma), why=why) if why else ""
+        more = sentence("values", "used", value=usage, why=why) if why else ""
         value = measured(verdict.value, sigma, verdict.unit)
         return Cell(value, verdict.value, note, verdict.look, more=more)
 
@@ -136,6 +146,7 @@ class _ModelRows:
             chance = missing.chance[k]
             return sentence("values", "rare", effect=effect, value=other, chance=chance)
         lacks = "lacks" if effect in self.lacked else "may lack"
+        effect = shorten_places(effect)
         return sentence("values", "doubt", effect=effect, lacks=lacks)
 
     def show_mass(self, row: dict[str, Any] | None) -> Cell:

@@ -34,7 +34,7 @@ BAD = {
 def test_a_bad_ladder_is_refused(case, refuses, write, arm):
     content, *parts = BAD[case]
     sentence = refuses("two-link", arm, "--ladder", write("ladder.toml", content))
-    assert all(part in sentence for part in parts), sentence
+    assert all(part in sentence for part in parts)
 
 
 def test_a_missing_ladder_is_refused(refuses, arm):

@@ -198,6 +198,7 @@ def test_the_command_answers_first_and_writes_what_was_asked(succeeds, tmp_path)
     data = tmp_path / "c.json"
     out = succeeds("compare", PLANAR, first, second, "--report", page, "--json", data)
     assert out.stdout.startswith("What changed? Friction of elbow rose by ")
+    assert " N·m rms (probability" in out.stdout
     changes = json.loads(data.read_text())["changes"]
     assert [c["what"] for c in changes] == ["friction of elbow"]
     assert "Friction of elbow rose" in page.read_text("utf-8")

@@ -58,6 +58,7 @@ def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_
     assert "Position ripple in left_shoulder stood out" in d.details
     page = d.write_report(tmp_path / "d.html").read_text()
     assert "Not confirmed by the motion that verifies" in page
+    assert "Values of each joint" in page
 
 
 def test_a_fixed_simulation_can_miss_a_payload(diagnosis_of, named):

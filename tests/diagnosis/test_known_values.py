@@ -55,9 +55,7 @@ FEW = ("payload", "gravity_tilt", "torque_offset", "joint_stiffness", "coulomb_f
        "viscous_friction", "position_ripple")  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "effects", [FEW, pytest.param(None, marks=pytest.mark.everything)], ids=["few", "all"]
-)
+@pytest.mark.parametrize("effects", [FEW, pytest.param(None, marks=pytest.mark.everything)])
 def test_errors_of_the_file_are_named_only_where_it_is_taken_as_exact(logs_of, effects):
     logs = moved(logs_of("two-link"), "two-link", off_by_a_tenth("two-link", 0))
     exact = quick("two-link", logs[:4], logs[4:], fixed=True, effects=effects)

@@ -97,4 +97,4 @@ def test_an_effect_with_a_shape_comes_back_and_has_one_article_in_a_statement(re
     for family in FAMILIES.values():
         said = replace(found.exported, beside={family.title: ("elbow.x",)}).statement
         assert family.title in said
-        assert not re.search(r"\b(no|an?|the) (an?|the)\b", said), said
+        assert not re.search(r"\b(no|an?|the) (an?|the)\b", said)

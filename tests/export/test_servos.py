@@ -174,9 +174,7 @@ def joint_share(fit, structure, count, rng):
     return inside / count
 
 
-@pytest.mark.parametrize(
-    "count", [6, pytest.param(200, marks=pytest.mark.everything)], ids=["few", "many"]
-)
+@pytest.mark.parametrize("count", [6, pytest.param(200, marks=pytest.mark.everything)])
 def test_true_robots_lie_in_the_joint_set_of_the_draws(count, simulated):
     rng = default_rng(5)
     robot = Robot.load("two-link")

@@ -58,7 +58,6 @@ def folder(tmp_path, simulated, states, write_bag, monkeypatch):
 @pytest.mark.parametrize(
     "logs",
     [BAGS, *(pytest.param(x, marks=pytest.mark.everything) for x in (EQUAL_NAMES, APART))],
-    ids=["bags", "equal names", "folders"],
 )
 def test_every_log_counts_and_what_is_proposed_runs_as_it_is_printed(logs, folder):
     fitted, held = logs

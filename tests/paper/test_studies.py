@@ -21,7 +21,7 @@ def test_a_quick_study_passes_and_writes_its_page(name, tmp_path):
     result = import_module(name).run(QUICK)
     assert result.name == name
     assert result.checks
-    assert not result.failed, result.failed
+    assert not result.failed
     assert not [c.name for c in result.checks if not c.passed and not c.reason]
     data, page = write_study(result, tmp_path)
     assert find_statement(page) == result.statement

@@ -15,7 +15,7 @@ def robot(data):
     return Robot.load(data("unisa") / "ur10.urdf")
 
 
-@pytest.fixture(params=[1, -1], ids=["1 to 2", "2 to 1"])
+@pytest.fixture(params=[1, -1])
 def halves(data, request):
     """The two halves of the log."""
     log = Log.read(f"{data('unisa') / 'ur10_exciting.db3'}:/joint_states")

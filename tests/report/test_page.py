@@ -8,6 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from identifiability.report import (
+    Answers,
     Cell,
     Column,
     Fold,
@@ -65,6 +66,11 @@ def test_every_text_of_every_block_is_escaped():
     html = render_page(everything(EVIL))
     assert "<img" not in html
     assert html.count("&lt;img") > 20
+
+
+def test_of_many_checks_two_are_open():
+    notes = (Notes((Note("warning", "t", "x"),) * 4),)
+    assert "2 more to check" in render_page(Page("t", "s", (), summary=(Answers((), notes=notes),)))
 
 
 def test_a_page_forbids_itself_to_load_anything():

@@ -2,10 +2,12 @@
 
 import ast
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import identifiability
+from identifiability.report.answers.analyze import _state_unknown
 from identifiability.report.answers.common import WORDS
 
 PACKAGE = Path(identifiability.__file__).parent
@@ -21,9 +23,12 @@ def test_an_answer_that_asks_for_care_says_so_first(verb):
         assert said[part].startswith("With care: ") == (tone == "amber")
 
 
-@pytest.mark.parametrize(
-    "path", sorted(PACKAGE.glob("workflows/**/*.py")), ids=lambda p: f"{p.parent.name}-{p.stem}"
-)
+def test_an_answer_counts_verdicts_as_its_table_does():
+    one = SimpleNamespace(verdict="", look="negligible", flags=("negligible",))
+    assert "1 negligible" in _state_unknown(SimpleNamespace(unjudged="", verdicts=[one]))
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGE.glob("workflows/**/*.py")))
 def test_no_workflow_makes_an_answer_a_table_or_a_caveat(path):
     made = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

@@ -75,7 +75,6 @@ def follows_its_torque(robot, spread=0.3):
         (parallelogram(CLOSURES["site on the root"]).replace(
             "</mujoco>", LOOP_CABLE), None),
     ],
-    ids=["tendon", "sidecar", "loop"],
 )  # fmt: skip
 def test_an_axis_that_mixes_joints_moves_as_its_torque_says(text, sidecar, load_text):
     assert follows_its_torque(load_text(text, sidecar=sidecar)) > 0.02

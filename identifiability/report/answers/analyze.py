@@ -94,6 +94,8 @@ FRAME = (
 
 def _state_gains(result: Laddered[Any]) -> str:
     """Return the servo gains that the logs determine, each with its error; empty without any."""
+    if result.nothing:
+        return ""
     pairs = ((joint, list_gains(result.fit.servo, joint)) for joint in result.robot.joints)
     each = [f"{joint} {', '.join(own)}" for joint, own in pairs if own]
     return sentence("laddered.measured", "gains", each=each) if each else ""
@@ -116,10 +118,9 @@ class LadderedPresenter(PredictingPresenter):
         # The reservation states the cause, if nothing else is odd.
         text = use.text if _state_wrong_mass(result) else warned.text
         use = replace(warned, text=text)
-        short = join_sentences(state_weight(result), use.short, _state_open(result))
+        short = join_sentences(state_weight(result), use.short)
         cause = _state_cause(result)
-        gains = "" if result.nothing else _state_gains(result)
-        use = replace(use, short=short, text=join_sentences(cause or use.text, gains))
+        use = replace(use, short=short, text=cause or use.text, more=_state_gains(result))
         more = ""
         if not result.nothing:
             more = join_sentences(_state_own_means(result), _state_left_out(result))
@@ -328,13 +329,15 @@ class AnalysisPresenter(LadderedPresenter):
         chosen = result.chosen
         if result.nothing:
             return answer(about, "nothing")
-        part = "unjudged" if chosen.unjudged else "found"
+        what = _state_open(result)
+        part = "unjudged" if chosen.unjudged else "none" if what else "found"
         tone = "blue" if is_nearly_real(chosen) else "amber"
-        count = len(chosen.submodel)
         near = "" if is_nearly_real(chosen) else state_nearest(chosen)
-        text = join_sentences(_state_known(result.robot, chosen), _state_unknown(chosen), near)
-        found = found_cell(chosen).text
-        return answer(about, part, text, tone, found=found, count=count)
+        most, known = _state_known(result.robot, chosen)
+        text = join_sentences(known, _state_unknown(chosen), near)
+        holes: dict[str, Any] = {"found": found_cell(chosen).text, "count": len(chosen.submodel)}
+        holes |= {"most": most, "quantity": what}
+        return answer(about, part, text, tone, **holes)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
@@ -411,37 +414,52 @@ def _state_unknown(chosen: ModelResult) -> str:
     if chosen.unjudged or not others:
         return ""
     about = "analysis.others"
-    doubted = Counter(Flag.IN_DOUBT if Flag.IN_DOUBT in v.flags else v.verdict for v in others)
+    doubted = Counter(v.look for v in others)  # as the table counts them
     each = [sentence(about, of, count=doubted[of]) for of in WORDS[about] if doubted[of]]
     pruned = sentence("analysis.use", "pruned") if _has_unknown(chosen) else ""
     return sentence("analysis.use", "open", others=len(others), labels=each, pruned=pruned)
 
 
-def _state_known(robot: Robot, chosen: ModelResult) -> str:
-    """Return which frictions, rotors and how many combinations of masses are identifiable."""
+def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
+    """Return which frictions, rotors and how many combinations of masses the logs determine.
+
+    The first text is the headline: kinds known of all joints, or of all but few; else empty.
+    """
     about = "analysis.use"
     joints = robot.joints
-    passive = len(robot.tree.joints) > len(joints)
+    which = "actuated joints" if len(robot.tree.joints) > len(joints) else "joints"
     kinds: dict[str, str] = WORDS["analysis.known"]
-    words = [kinds.get(v.name.rpartition(".")[2], "masses") for v in chosen.verdicts]
+    owned = [v.name.rpartition(".") for v in chosen.verdicts]
+    words = [kinds.get(kind, "masses") for _, _, kind in owned]
+    passes = [place in robot.passive for place, _, _ in owned]
+    words = [kinds["passive"] if x else word for x, word in zip(passes, words, strict=True)]
     known = [v.verdict is Class.IDENTIFIABLE for v in chosen.verdicts]
-    told = []
+    told, every, most = [], [], ""
     for what in dict.fromkeys(kinds.values()):
         own = [k for k, word in enumerate(words) if word == what]
-        places = [chosen.verdicts[k].name.rpartition(".")[0] for k in own]
+        places = [owned[k][0] for k in own]
         lost = [place for place, k in zip(places, own, strict=True) if not known[k]]
         names = list(dict.fromkeys(lost))
         holes: dict[str, Any] = {"count": len(own) - len(lost), "total": len(own), "what": what}
-        holes["joints"] = "actuated joints" if passive else "joints"
         part = ("but" if names else "every") if {*joints} <= {*places} else "values"
         if len(names) > NAMED or (names and part == "values"):
             part = "share"
-        if len(own) > len(lost):
-            told.append(sentence(about, part, names=names, **holes))
+        if part == "every":
+            every.append(what)
+        elif len(own) > len(lost):
+            text = sentence(about, part, names=names, joints=which, **holes)
+            told.append(text)
+            most = most or text * (part == "but")
     count = sum(word == "masses" and sure for word, sure in zip(words, known, strict=True))
     if count:
         told.append(sentence(about, "masses", count=count))
-    return sentence(about, "known", each="; ".join(told)) if told and not chosen.unjudged else ""
+    if every:
+        most = sentence(about, "every", what=join(every), joints=which)
+    others = [text for text in told if text != most]
+    if chosen.unjudged or not (most or others):
+        return "", ""
+    rest = sentence(about, "also" if most else "known", each=others) if others else ""
+    return f"{capital(most)}. " * bool(most), rest
 
 
 def _state_own_means(result: Laddered[Any]) -> str:
@@ -454,15 +472,14 @@ def _state_own_means(result: Laddered[Any]) -> str:
 
 
 def _state_open(result: Laddered[Any]) -> str:
-    """Return why a model without identifiable parameters predicts, or moves, well."""
+    """Return the quantity that a model without identifiable parameters predicts well, or ""."""
     chosen = result.chosen
     if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged or result.nothing:
         return ""
+    if result.moved is not None and result.moved.follows:
+        return sentence("decision.left", "motion")
     good = grade_of(chosen.error_ra_validation) in ("very-good", "good")
-    moves = result.moved is not None and result.moved.follows
-    if good or moves:
-        return sentence("decision.left", "open")
-    return ""
+    return sentence("decision.left", "torque") if good else ""
 
 
 def _find_determined(result: Laddered[Any]) -> list[tuple[str, str]]:
@@ -498,7 +515,8 @@ def _state_cause(result: Laddered[Any]) -> str:
         return ""
     cause, part = largest.most_common(1)[0]
     share = sentence("analysis.causes", "part", part=part, count=len(chosen.submodel))
-    return sentence("analysis.causes", cause, share=share)
+    limit = sentence("decision.left", "open") if _state_open(result) else ""
+    return join_sentences(limit, sentence("analysis.causes", cause, share=share))
 
 
 def answer_doubt(result: Laddered[Any]) -> Answer:

@@ -34,7 +34,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Dataset
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.structure import BaseParameters, Structure
+from identifiability.regression.structure import ROUNDED, BaseParameters, Structure
 from identifiability.robot.robot import Robot, last_bodies
 from identifiability.workflows.predict import Fit
 from identifiability.workflows.wrong_bodies import WrongBodies, find_wrong_bodies
@@ -200,7 +200,19 @@ def find_command(effects: Sequence[str], line: str, part: str = "name") -> Comma
     """
     if not effects:
         return command("missing", line)
-    return command(part, line, names=effects, count=effects)
+    return command(part, line, names=list(map(shorten_places, effects)), count=effects)
+
+
+def shorten_places(effect: str) -> str:
+    """Return an effect without its joints if they are many: the headline lists them.
+
+    Examples
+    --------
+    >>> shorten_places("Stribeck friction in a, b, c and d"), shorten_places("a spring in a and b")
+    ('Stribeck friction in several joints', 'a spring in a and b')
+    """
+    name, _, places = effect.rpartition(" in ")
+    return f"{name} in several joints" if len(places.split(", ")) >= NAMED else effect
 
 
 class AnsweringPresenter(Presenter, ABC):
@@ -579,9 +591,11 @@ def state_contradicted(
         sigmas = np.nan_to_num(off / sigma, posinf=0.0)
     # From percent.
     matters = off > Thresholds().sigma_percent / 100 * size
-    far = _of_bodies(base, submodel) & (sigmas > RULES.contradicted)
-    each = [_state_wrong_bodies(wrong)] if wrong.hypotheses else []
     reach = _list_reach(fit.structure, submodel)
+    far = _of_bodies(base, submodel) & (sigmas > RULES.contradicted)
+    if base.ambiguous:  # rounded numbers of the file make such columns
+        far &= ROUNDED * np.abs(values) < reach
+    each = [_state_wrong_bodies(wrong)] if wrong.hypotheses else []
     listed = np.flatnonzero(far) if (far & matters).any() else np.empty(0, int)
     # A value that the file states as zero is small beside its body.
     share = off[listed] / np.maximum(size, reach)[listed]

@@ -210,7 +210,12 @@ def _name_surely(change: Change) -> str:
     """Return the description of a change with its probability, unless others compete with it."""
     if state_alternatives(change):
         return change.called
-    return f"{change.called} ({state_probability(change.odds)})"
+    felt = change.felt
+    torque = ""
+    if change.kind == "friction" and _is_felt(change) and " by " in change.called:
+        size = stated_text(abs(felt.rms), felt.sd)
+        torque = sentence("comparison.seen", "felt", size=size, unit=felt.unit)
+    return f"{change.called}{torque} ({state_probability(change.odds)})"
 
 
 def state_alternatives(change: Change) -> list[str]:
@@ -426,7 +431,9 @@ def _state_seen(result: Comparison) -> str:
     most = {x.kind: x for x in shown if x.kind != "gain"}
     other = any(x.kind == "friction" for x in result.unchanged if _is_hidden(x))
     holes = {"a": "any other" if other else "a"}
-    told = {kind: sentence(about, kind, number=x, **holes) for kind, x in most.items()}
+    told = {
+        kind: sentence(about, kind, number=x, least=_least(x), **holes) for kind, x in most.items()
+    }
     below = told.pop("offset", "")
     blind = sentence(about, "blind", names=names) if names else ""
     seen = capital(sentence(about, "shown", each=" or ".join(told.values()))) if told else ""

@@ -15,14 +15,21 @@ from scipy.special import expit, logit
 
 from identifiability.effects import find_family, title_of
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.answers import Answer, Cell, Note, Table
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import NONE, REACH, join, measured, state_probability
+from identifiability.foundation.rounding import (
+    NONE,
+    REACH,
+    join,
+    measured,
+    state_probability,
+    stated_text,
+)
 from identifiability.physical.cad_prior import find_rises
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
@@ -317,7 +324,7 @@ def _answer_missing(d: Diagnosis) -> Answer:
     """Return the missing effects and the changes in the middle of a log."""
     about = "diagnosis.missing"
     named = [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
-    named += map(_state_effect, d.effects)
+    named += map(partial(_state_effect, d), d.effects)
     short = f"{capital(join(named, NAMED))}." if named else sentence(about, "nothing")
     of_effects = [e.odds for e in d.effects]
     of_changes = [c.odds for c in d.changes]
@@ -370,13 +377,13 @@ def _state_law(d: Diagnosis, e: NamedEffect) -> str:
     )
 
 
-def _state_effect(e: NamedEffect) -> str:
+def _state_effect(d: Diagnosis, e: NamedEffect) -> str:
     """Return the name of an effect with its size and probability, then its alternatives."""
     first, *others = _likeliest(e)
     share = e.weight if others else 1.0
     shares = np.array([share, 1.0 - share])[: 1 + bool(others)]
     sure = [state_probability(x) for x in logit(shares * expit(e.odds)) if np.isfinite(e.odds)]
-    named = [f"{first}{_state_size(e)}", *filter(None, [" or ".join(others)])]
+    named = [f"{first}{_state_size(d, e)}", *filter(None, [" or ".join(others)])]
     each = zip_longest(named, sure)
     return " or ".join(f"{name} ({odds})" if odds else name for name, odds in each)
 
@@ -419,12 +426,11 @@ def _likeliest(e: NamedEffect) -> list[str]:
     return names
 
 
-def _state_size(e: NamedEffect) -> str:
+def _state_size(d: Diagnosis, e: NamedEffect) -> str:
     """Return the masses of a load, or the largest torque of an effect, ± one standard error.
 
-    An effect of several numbers a place has no single size. The number of an effect with a shape is
-    the limit of its curve: where the logs do not come near, their largest torque is stated instead.
-    A remark says if the limit of a curve may also be zero.
+    The largest torque in the logs replaces numbers of another unit, several numbers, and the limit
+    of a curve that the logs do not reach. A remark says if this limit may also be zero.
     """
     placements = [p for p in e.placements if p.sure]
     rows = [row for p in placements for row in p.rows]
@@ -433,8 +439,12 @@ def _state_size(e: NamedEffect) -> str:
         sizes = [measured(value, error, unit) for _, value, error, unit in masses]
         return sentence("diagnosis.missing", "size", size=" and ".join(sizes))
     torques = [row for row in rows if row[3] in TORQUE_UNITS]
+    most = max(placements, key=lambda p: p.peak)
+    units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
+    holes = {"peak": most.peak, "unit": units.get(most.place, d.robot.torque_units[0])}
+    peak = sentence("diagnosis.missing", "peak", **holes)
     if len(rows) > len(placements) or not torques:
-        return ""
+        return peak
     p = max(placements, key=lambda p: abs(p.values[0]))
     ((_, value, error, unit),) = p.rows
     part = "size" if len(rows) == 1 else "largest"
@@ -607,6 +617,32 @@ def _list_refitted(d: Diagnosis, joint: str, old: Mapping[str, float]) -> list[t
             without = measured(old[name], new[name][1], new[name][2]).partition(" ±")[0]
             rows.append((sentence("values", kind), without, measured(*new[name])))
     return rows
+
+
+def table_fitted(d: Diagnosis) -> Table | None:
+    """Return friction and rotor of each joint as fitted, and by the file; None without any."""
+    base = d.completed.base
+    sigma = np.sqrt(np.diag(d.fit.base_covariance))
+    fitted = dict(zip(base.names, zip(d.fit.base, sigma, base.units, strict=True), strict=True))
+    kinds = (*JOINT_KINDS, d.robot.inertia_parts[0])
+    rows = []
+    for joint in d.robot.joints:
+        names = [f"{joint}.{kind}" for kind in kinds]
+        if d.nothing or not any(name in fitted for name in names):
+            continue
+        cells = [_fitted_cell(fitted.get(x), d.robot.nominal.get(x, 0.0)) for x in names]
+        rows.append((joint, *cells))
+    rotor = "screw" if {*d.robot.torque_units} == {"N"} else "rotor"
+    columns = [Column(sentence("values", x), "badge") for x in (*JOINT_KINDS, rotor)]
+    return Table.of("", [Column(sentence("values", "joint")), *columns], rows) if rows else None
+
+
+def _fitted_cell(fitted: tuple[float, float, str] | None, file: float) -> Cell:
+    """Return a value with its standard error, and the value of the file."""
+    if fitted is None:
+        return Cell(NONE)
+    stated = sentence("values", "file" if file else "unstated", value=stated_text(file))
+    return Cell(measured(*fitted), fitted[0], stated)
 
 
 def _state_shape(d: Diagnosis, family: str, p: Placement) -> str:

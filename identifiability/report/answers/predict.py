@@ -273,7 +273,8 @@ class PositionPredictionPresenter(AnsweringPresenter):
         torque = usual.short.replace("Error", "Torque error", 1)
         holes = {"error": error, "lag": lag, "alone": alone, "torque": torque}
         short = sentence("rollout.errors", "moves", **holes)
-        return replace(usual, short=join_sentences(short, advice))
+        tone = "amber" if usual.tone == "vermilion" else usual.tone  # only its torque is poor
+        return replace(usual, short=join_sentences(short, advice), tone=tone)
 
     def warn(self, usual: Answer) -> Answer:
         """Return an answer behind the warning that the named effects make motion worse."""

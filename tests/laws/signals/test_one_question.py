@@ -171,7 +171,7 @@ def test_pasted_locks_let_a_log_of_some_joints_be_read(tmp_path):
     refusal = inspected("quadruped", path)
     assert refusal.exit_code == 2
     locks = options_in(refusal.stderr.strip(), "--lock")
-    assert len(locks) <= 3, locks
+    assert len(locks) <= 3
     words = [word for lock in locks for word in ("--lock", lock)]
     accepted = inspected("quadruped", path, *words)
     assert accepted.exit_code == 0, accepted.output
