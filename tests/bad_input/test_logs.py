@@ -67,11 +67,6 @@ def test_a_data_frame_hashes_its_values_and_nothing_else(arm):
     assert Log.from_frame(arm).sha256 != Log.from_frame(arm * 1.001).sha256
 
 
-def prepare_two_link(frame, **how):
-
-    return prepare_log(Robot.load("two-link"), Log.from_frame(frame), Preparation(**how))
-
-
 @pytest.mark.parametrize(
     ("how", "sentence"),
     [
@@ -82,4 +77,4 @@ def prepare_two_link(frame, **how):
 )
 def test_preparations_that_cannot_be_are_refused(how, sentence, bare):
     with pytest.raises(IdentifiabilityError, match=sentence):
-        prepare_two_link(bare, **how)
+        prepare_log(Robot.load("two-link"), Log.from_frame(bare), Preparation(**how))

@@ -12,10 +12,6 @@ JOINTS = ("shoulder", "elbow")
 CHANNELS = {"position": "q", "velocity": "dq", "effort": "tau"}
 
 
-def one_joint(name):
-    return Conventions(joints=(name,))
-
-
 def known(**options):
     return Conventions.of(Robot.load("two-link", **options))
 
@@ -124,7 +120,7 @@ def test_two_rows_of_a_joint_at_one_time_are_refused(arm):
 
 def test_a_label_in_a_table_of_one_joint_says_nothing(arm):
     frame = arm[["t", "elbow.q", "elbow.tau"]].set_axis(["t", "position", "torque"], axis=1)
-    log = Log.from_frame(frame.assign(name="run 3"), "log", one_joint("elbow"))
+    log = Log.from_frame(frame.assign(name="run 3"), "log", Conventions(joints=("elbow",)))
     assert_array_equal(log.q[:, 0], arm["elbow.q"])
 
 

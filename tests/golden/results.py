@@ -182,7 +182,7 @@ class Comparison:
             return self._keyed(old, new, at, within)
         if isinstance(old, list) and isinstance(new, list):
             return self._listed(old, new, at, within)
-        if _is_float(old) and _is_number(new):
+        if isinstance(old, float) and _is_number(new):
             same = self._near(old, new, within)
         elif isinstance(old, str) and isinstance(new, str) and not self.exact:
             same = self._says(old, new)
@@ -240,8 +240,9 @@ class Comparison:
         words = [{k: c[k] for k in ("trustworthy", "reasons")} for c in (before, after)]
         found = self.differences(*words, at)
         error = OF_SAMPLED / math.sqrt(min(before["ess"], after["ess"]))
-        rows = (_by_identity(chain["parameters"]) for chain in (before, after))
-        for name, a, b in _pairs(*rows):
+        old, new = (_by_identity(chain["parameters"]) for chain in (before, after))
+        for name in old.keys() & new.keys():
+            a, b = old[name], new[name]
             within = error * a["sd"]
             for key in ("mean", "sd"):
                 found += self.differences(a[key], b[key], f"{at}.{name}.{key}", within)
@@ -307,10 +308,6 @@ def _by_identity(rows):
     return dict(zip(names, rows, strict=True)) if all(names) and len(names) == len({*names}) else {}
 
 
-def _pairs(old, new):
-    return ((name, old[name], new[name]) for name in old.keys() & new.keys())
-
-
 def _prints_like(a, b):
     """Return whether two printed numbers, (digits, exponent), differ by one unit at most."""
     digits = [text.replace("−", "-").replace(",", "") for text in (a[0], b[0])]
@@ -321,10 +318,6 @@ def _prints_like(a, b):
 
 def _is_number(value):
     return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def _is_float(value):
-    return isinstance(value, float)
 
 
 def check(verb, *, exact=False):

@@ -17,16 +17,12 @@ def homeless(text):
     return re.sub(r"(?s)<keyframe>.*?</keyframe>", "", text)
 
 
-def shipped_without_home(name):
-    path = locate_robot(name)
-    return homeless(path.read_text()), path.with_suffix(".toml").read_text()
-
-
 @pytest.mark.parametrize("name", ["five-bar", "3-rrr", "delta"])
 def test_without_its_home_a_robot_that_is_drawn_open_is_asked_for_one(name, load_text):
-    text, side = shipped_without_home(name)
+    path = locate_robot(name)
+    side = path.with_suffix(".toml").read_text()
     with pytest.raises(IdentifiabilityError, match=r"open by .* not determined; give .* \[home\]"):
-        load_text(text, sidecar=side)
+        load_text(homeless(path.read_text()), sidecar=side)
 
 
 def test_the_position_that_closes_a_drawing_is_used_and_said(load_text):

@@ -103,10 +103,6 @@ def walked(phi, plan=None, **options):
     return walk(whitened, plan or Plan())
 
 
-def lives(steps):
-    return [{s.partition.columns[g] for g in s.partition.leaders} for s in steps]
-
-
 def test_the_least_costly_goes_first_and_nothing_is_left_in_the_end():
     steps, _ = walked([0.05, 3.0, 0.5, 1.5])
     assert [s.move.zero for s in steps[1:]] == [
@@ -160,6 +156,7 @@ def test_wishes_are_kept_and_idle_columns_go_first():
     assert set(first.zero) == {"d.m", "e.m"}
     assert search.steps[2].move.zero == ("c.m",)
     assert search.steps[2].move.kind is Kind.FORCED
-    assert all("b.m" in names for names in lives(search.steps))
+    parts = [s.partition for s in search.steps]
+    assert all("b.m" in {p.columns[g] for g in p.leaders} for p in parts)
     assert not {Kind.ZERO, Kind.TIE}.intersection(s.move.kind for s in search.steps[1:])
     assert search.steps[0].values.shape[1] == 6
