@@ -44,7 +44,9 @@ ALWAYS = ("reading", "commands", "assembly", "outside")
 #: A warning that stands among what is always said of commands.
 EARLY = "Commands seem to act before their rows"
 #: Remarks that something is wrong, without a cause.
-HEDGED = re.compile(".* disagree on |The cut-off of |Below the cut-off of |.* from t = .* farther")
+HEDGED = re.compile(
+    "Values differ between |The cut-off of |Below the cut-off of |.* from t = .* farther"
+)
 
 
 def told(a: Analysis) -> list[str]:

@@ -591,18 +591,16 @@ def find_missing(
     """Return the effects that a model with all columns of a regression may lack.
 
     Rows that were held out may only take a name away: these are the last log, or the last part of
-    the only one, if no other rows were held out. Where commands were lost (`irregular`), or dry
-    friction builds up over a distance, no delay of a joint is looked for: lost commands that are
-    not detected, and friction that reverses late, act like one.
+    the only one, if no other rows were held out. Where commands were lost (`irregular`), or servos
+    integrate, effects that these act like are not looked for.
 
     Effects that are `known` were found in the same rows. The model has got some of them since, and
     lacks the others. Joints with `play` show no other effects, nor do those that share a link with
     them: the play is in their torque.
     """
-    every = find_families(None, commanded=commanded)
     robot = structure.robot
-    hides_delays = irregular or (robot.servo is not None and robot.servo.slide.any())
-    families = [f for f in every if not (hides_delays and f.name == CommandDelay.name)]
+    every = find_families(None, commanded=commanded)
+    families = [f for f in every if not _is_imitated(f, robot, irregular=irregular)]
     whole = Missing.of(regression, families, structure.present)
     spoilt = _share_a_link(robot, play)
     missing = replace(whole, seen=whole.seen.leave_out(spoilt))
@@ -618,6 +616,19 @@ def find_missing(
     each = enumerate(zip(spoilt.tolist(), found.noise, strict=True))
     noise = tuple(whole.noise_of(j) if out else own for j, (out, own) in each)
     return replace(found, noise=noise)
+
+
+def _is_imitated(family: Family, robot: Robot, *, irregular: bool) -> bool:
+    """Return whether commands or servos act like an effect.
+
+    Lost commands that are not detected, and friction that reverses late, act like a delay of a
+    joint. Errors of rows add up in the integral of a servo, whose torque then drifts.
+    """
+    servo = robot.servo
+    slides = servo is not None and bool(servo.slide.any())
+    integrates = servo is not None and bool(servo.integral.any())
+    is_delay = family.name == CommandDelay.name
+    return (is_delay and (irregular or slides)) or (integrates and family.against == "time")
 
 
 def _conclude_named(judged: Judged, robot: Robot) -> MissingEffects:
