@@ -516,7 +516,8 @@ def draw_curve(
             linewidth=1.2,
             label="fitted",
         )
-    legend_above(axes, ncols=3)
+    # Three entries are as wide as the picture.
+    legend_above(axes, ncols=3, columnspacing=0.7, handletextpad=0.3, handlelength=1.0)
     label_axes(axes, *labels, title)
     return figure
 
