@@ -218,15 +218,17 @@ def _list_likeliest(
 ) -> list[list[np.ndarray]]:
     """Return the likeliest numbers of each joint of a tree, (n,) bool, and integrals of all.
 
-    Numbers that would explain too little of the weighted squares of their joints, (n,), are left
-    out. Those that would explain most come first: numbers of a joint, and joints.
+    Numbers that would explain too little of the weighted squares, by joint (n,), are left out.
+    Those that would explain most come first: numbers of a joint, and joints.
     """
     count = len(joints)
+    of_tree = PROMISING * squares[joints].sum()
 
     def promises(numbers: np.ndarray) -> bool:
-        own = squares[numbers % count].sum()
+        # A number that explains half of its own joint is promising whatever the others miss.
+        of_joints = 0.5 * squares[numbers % count].sum()
         promised: float = gain[numbers].sum()
-        return promised > max(BEGUN, PROMISING * own)
+        return promised > max(BEGUN, min(of_tree, of_joints))
 
     at_ki = problem.at("ki")
     integral = at_ki[joints & (gain[at_ki] > 0)]

@@ -120,7 +120,8 @@ class LadderedPresenter(PredictingPresenter):
         use = replace(warned, text=text)
         short = join_sentences(state_weight(result), use.short)
         cause = _state_cause(result)
-        use = replace(use, short=short, text=cause or use.text, more=_state_gains(result))
+        more = join_sentences(use.more, _state_gains(result))
+        use = replace(use, short=short, text=cause or use.text, more=more)
         more = ""
         if not result.nothing:
             more = join_sentences(_state_own_means(result), _state_left_out(result))
