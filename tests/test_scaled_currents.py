@@ -55,8 +55,9 @@ def test_wrong_constants_of_all_joints_move_no_mass(seed, tmp_path):
     light = copy(found.structure)
     vars(light)["nominal"] = 0.1 * light.nominal
     at = light.inertial[0]
-    drawn = scale_bodies(light, found.information)[at]
-    assert drawn == pytest.approx(found.structure.nominal[at], rel=0.1)
+    assert scale_bodies(light, found.information)[at] == pytest.approx(
+        found.structure.nominal[at], rel=0.1
+    )
 
 
 def test_named_scales_multiply_the_torque_that_is_fitted_beside_them(tmp_path):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
@@ -255,23 +257,33 @@ def _explain_joints(
     Each leaves less than half of the weighted squares, and about as little as the best one.
     """
     gain = screening.gain
-    before = _sum_squares(problem, end, end)[joints].sum()
+    is_lost = bool((problem.missed(end.q)[joints] > RULES.rollout_contradicted).any())
     tried = list[Explanation]()
     for numbers in likeliest:
         # A far less likely number is tried only where the best one explains too little.
         unlikely = gain[numbers].sum() < 0.5 * gain[likeliest[0]].sum()
         if tried and tried[0].share < 0.5 and unlikely:
             break
-        start = end.x.copy()
-        start[numbers] = screening.start[numbers]
-        fitted = _fit_numbers(problem, start, numbers, BEGUN)
-        after = _sum_squares(problem, end, fitted)[joints].sum()
-        share = float(after / before)
-        tried.append(Explanation(share, numbers, fitted))
-        tried = sorted(tried, key=lambda x: x.share)
+        # The torque that a lost joint seems to need is far above its limit.
+        is_far = is_lost and _kind(problem, numbers) == "limit"
+        starts = np.outer((1.0, 0.7, 0.5) if is_far else (1.0,), screening.start[numbers])
+        fits = [_fit_from(problem, end, numbers, start, joints) for start in starts]
+        tried = sorted([*tried, min(fits, key=itemgetter(0))], key=itemgetter(0))
     # Less than half is left, and about as little as the best explanation leaves.
     kept = [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
     return [_finish_search(problem, explanation) for explanation in kept]
+
+
+def _fit_from(
+    problem: RolloutProblem, end: SearchEnd, numbers: np.ndarray, start: Array, joints: np.ndarray
+) -> Explanation:
+    """Return the fit of numbers from a start (k,), with what it leaves of the errors of joints."""
+    x = end.x.copy()
+    x[numbers] = start
+    fitted = _fit_numbers(problem, x, numbers, BEGUN)
+    before = _sum_squares(problem, end, end)[joints].sum()
+    after = _sum_squares(problem, end, fitted)[joints].sum()
+    return Explanation(float(after / before), numbers, fitted)
 
 
 def _explain_little(
