@@ -591,8 +591,9 @@ def find_missing(
     """Return the effects that a model with all columns of a regression may lack.
 
     Rows that were held out may only take a name away: these are the last log, or the last part of
-    the only one, if no other rows were held out. Where commands were lost (`irregular`), or servos
-    integrate, effects that these act like are not looked for.
+    the only one, if no other rows were held out. Where commands were lost (`irregular`), or dry
+    friction builds up over a distance, no delay of a joint is looked for: lost commands that are
+    not detected, and friction that reverses late, act like one.
 
     Effects that are `known` were found in the same rows. The model has got some of them since, and
     lacks the others. Joints with `play` show no other effects, nor do those that share a link with
@@ -600,7 +601,8 @@ def find_missing(
     """
     robot = structure.robot
     every = find_families(None, commanded=commanded)
-    families = [f for f in every if not _is_imitated(f, robot, irregular=irregular)]
+    hides_delays = irregular or (robot.servo is not None and robot.servo.slide.any())
+    families = [f for f in every if not (hides_delays and f.name == CommandDelay.name)]
     whole = Missing.of(regression, families, structure.present)
     spoilt = _share_a_link(robot, play)
     missing = replace(whole, seen=whole.seen.leave_out(spoilt))
@@ -618,25 +620,17 @@ def find_missing(
     return replace(found, noise=noise)
 
 
-def _is_imitated(family: Family, robot: Robot, *, irregular: bool) -> bool:
-    """Return whether commands or servos act like an effect.
-
-    Lost commands that are not detected, and friction that reverses late, act like a delay of a
-    joint. Errors of rows add up in the integral of a servo, whose torque then drifts.
-    """
-    servo = robot.servo
-    slides = servo is not None and bool(servo.slide.any())
-    integrates = servo is not None and bool(servo.integral.any())
-    is_delay = family.name == CommandDelay.name
-    return (is_delay and (irregular or slides)) or (integrates and family.against == "time")
-
-
 def _conclude_named(judged: Judged, robot: Robot) -> MissingEffects:
-    """Return the named effects but for unknown ages of measurements, which no model lacks."""
+    """Return the named effects but for those that no model lacks.
+
+    They are unknown ages of measurements, and drifts of servos that integrate: errors of rows add
+    up in the integral.
+    """
     terms = tuple(_at_places(judged, k) for k in range(len(judged.terms)))
     found = _conclude(judged.search, terms)
     named = found.shares[: len(found.named)]
-    kept = tuple(s.term for s in named if not is_unknown_age(s, robot))
+    own = [s for s in named if not is_unknown_age(s, robot)]
+    kept = tuple(s.term for s in own if not is_drift_of_integral(s, robot))
     if len(kept) == len(named):
         return found
     return _conclude(judged.search, judged.search.model.update_terms(kept))
@@ -663,6 +657,14 @@ def is_unknown_age(share: Share, robot: Robot) -> bool:
     sd = np.linalg.norm(share.root, axis=0)
     within = np.abs(share.value) <= robot.servo.unknown_lags[0] + 2.0 * sd
     return bool(within.all())
+
+
+def is_drift_of_integral(share: Share, robot: Robot) -> bool:
+    """Return whether an effect changes with time as the torque of a servo that integrates does."""
+    servo = robot.servo
+    integrates = servo is not None and bool(servo.integral.any())
+    (family,) = find_families([share.term.group.family])
+    return integrates and family.against == "time"
 
 
 def _conclude_known(search: Search, known: MissingEffects) -> MissingEffects:
