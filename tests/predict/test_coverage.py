@@ -23,6 +23,7 @@ def test_intervals_of_analyze_cover_planted_torque(name, rho, make_log, without_
         new.append((np.abs(along.tau - along.predicted) <= along.low).mean())
     assert np.mean(mean) > 0.92
     assert 0.92 < np.mean(new) < 0.985
-    part = found.full.submodel.reduce(found.information)
-    spread = measure_spread(part, found.full.fit, (1.0, 1.0), (np.nan, np.nan))
+    model = found.full
+    part = model.submodel.reduce(found.information)
+    spread = measure_spread(part, model.fit, (1.0, 1.0), (np.nan,) * 2)
     assert np.all(spread.low > 1.0)  # without unseen motion: the fit swallows some noise
