@@ -339,6 +339,7 @@ class Shaped(AlongAxes):
     #: Effects that its curve becomes as the shape goes to zero, and to infinity; empty where the
     #: curve vanishes.
     limits: ClassVar[tuple[str, str]] = ("", "")
+
     given: float | None = None
     only: str | None = None
 

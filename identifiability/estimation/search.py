@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identifiability.effects import Family, find_families
+from identifiability.effects import Family, find_families, find_family
 from identifiability.effects.friction import (
     PassiveJointFriction,
     QuadraticFriction,
@@ -663,8 +663,7 @@ def is_drift_of_integral(share: Share, robot: Robot) -> bool:
     """Return whether an effect changes with time as the torque of a servo that integrates does."""
     servo = robot.servo
     integrates = servo is not None and bool(servo.integral.any())
-    (family,) = find_families([share.term.group.family])
-    return integrates and family.against == "time"
+    return integrates and find_family(share.term.group.family).against == "time"
 
 
 def _conclude_known(search: Search, known: MissingEffects) -> MissingEffects:

@@ -207,6 +207,11 @@ class Servo:
         apart = np.sum(larger / shares, where=by_rollouts > 0)
         return not self.rolled and bool(abs(apart) > reach)
 
+    def reaches_limit(self, torque: Array) -> np.ndarray:
+        """Return joints whose torque, (N, n), is at a limit in some row, (n,) bool."""
+        limited: np.ndarray = np.any((torque <= self.low) | (torque >= self.high), axis=0)
+        return limited
+
     @property
     def doubted(self) -> tuple[Servo, ...]:
         """Return variants of the servos, each with one uncertain property off by one σ.

@@ -339,6 +339,4 @@ def list_free(asked: Servo, start: Servo, windows: Sequence[Window], delay: floa
 
 def reach_limits(servo: Servo, logs: Sequence[Log], delay: float) -> np.ndarray:
     """Return joints whose servo reaches a limit of its torque in some row, (n,) bool."""
-    torque = np.concatenate([servo_log(log, servo, delay).tau for log in logs])
-    limited: np.ndarray = np.any((torque <= servo.low) | (torque >= servo.high), axis=0)
-    return limited
+    return servo.reaches_limit(np.concatenate([servo_log(log, servo, delay).tau for log in logs]))

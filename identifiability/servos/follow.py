@@ -430,8 +430,8 @@ def _undamped_joints(robot: Robot, servo: Servo, torque: Array) -> list[str]:
     """Return joints that reach their limit and have no stated kv."""
     if servo.rolled:
         return []
-    limited = np.any((torque <= servo.low) | (torque >= servo.high), axis=0)
-    return [robot.joints[k] for k in np.flatnonzero(limited & (servo.kv == 0))]
+    undamped = servo.reaches_limit(torque) & (servo.kv == 0)
+    return [robot.joints[k] for k in np.flatnonzero(undamped)]
 
 
 def delay_commands(recordings: Recordings, servo: Servo, delay: float) -> Recordings:

@@ -438,6 +438,8 @@ def _state_size(d: Diagnosis, e: NamedEffect) -> str:
     if masses:
         sizes = [measured(value, error, unit) for _, value, error, unit in masses]
         return sentence("diagnosis.missing", "size", size=" and ".join(sizes))
+    if not placements:
+        return ""
     torques = [row for row in rows if row[3] in TORQUE_UNITS]
     most = max(placements, key=lambda p: p.peak)
     units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
