@@ -24,8 +24,8 @@ def log_motors(columns, signs):
     ("columns", "signs", "said"),
     [
         ([0, 1], [1, 1], ()),
-        ([0, 1], [1, -1], ("right seems to have the wrong sign",)),
-        ([0, 1], [-1, 1], ("left seems to have the wrong sign",)),
+        ([0, 1], [1, -1], ("'right' seems to have the wrong sign",)),
+        ([0, 1], [-1, 1], ("'left' seems to have the wrong sign",)),
         ([1, 0], [1, 1], ("left and right seem to be exchanged",)),
     ],
 )

@@ -37,7 +37,7 @@ def test_the_position_that_closes_a_drawing_is_used_and_said(load_text):
     assert other.identity["home"] == other.home_table
     assert "home" not in robot.identity
     need = inspect(other).needs[0]
-    assert "states no home position: the nearest one that closes its loops" in need.text
+    assert "states no home position, so the one that closes its loops" in need.text
     stated = load_text(drawn, sidecar=f"{need.line}\n")
     assert_allclose(stated.home, other.home, atol=1e-5)
     assert not stated.describe_assembly()
