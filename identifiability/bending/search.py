@@ -205,7 +205,8 @@ class Problem:
             else:
                 break
             done = left @ left - other[0] @ other[0] < 0.5
-            (numbers, change, rivals), (left, jacobian) = moved, other
+            numbers, change, rivals = moved
+            left, jacobian = other
             if done:
                 break
         misfit = float(left @ left)

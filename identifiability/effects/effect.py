@@ -680,7 +680,7 @@ class Placed(Effect):
     def stage_key(self) -> tuple[object, ...]:
         """Key that is the same for equal effects: their text, or nothing without one."""
         if self._texts:
-            return (type(self.parts[0].effect), self._texts)
+            return type(self.parts[0].effect), self._texts
         return (id(self),)
 
     def turn(self, robot: Robot) -> Robot:

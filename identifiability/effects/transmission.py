@@ -108,7 +108,7 @@ def carried_load(load: Array, at: Along) -> Array:
     row = at.load
     carried_along = (load * row).sum(1)
     squares = np.maximum((row * row).sum(-1), TINY**2)
-    carried: Array = carried_along / squares
+    carried = carried_along / squares
     return without_rounding(carried[:, None], load)[:, 0]
 
 

@@ -32,8 +32,8 @@ Kind = Literal["mjcf", "urdf"]
 def file_kinds(robot: Robot) -> tuple[Kind, Kind]:
     """Return the format of a robot's own file, and the other one."""
     if robot.mjcf:
-        return ("mjcf", "urdf")
-    return ("urdf", "mjcf")
+        return "mjcf", "urdf"
+    return "urdf", "mjcf"
 
 
 def joint_numbers(kind: Kind) -> tuple[str, ...]:

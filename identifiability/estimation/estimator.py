@@ -132,10 +132,7 @@ class Estimate:
         """The 10× rule: σ% below ten times the smallest of the model, (k,) bool."""
         percent = self.sigma_percent
         least = percent.min(initial=np.inf)
-        passed: np.ndarray = percent < RULES.paper_factor * least
-        if np.isfinite(least):
-            return passed
-        return np.zeros(len(percent), bool)
+        return percent < RULES.paper_factor * least
 
 
 def clip_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
@@ -208,7 +205,8 @@ class Combined:
         left = np.vstack([self.left, np.zeros((1, k))])
         right = np.zeros((2 * k + 1, k + 1))
         last_row = np.append(-self.value, 1.0)
-        right[k : 2 * k, :k], right[k:, k] = self.B, last_row
+        right[k : 2 * k, :k] = self.B
+        right[k:, k] = last_row
         joint = information.joint
         both = joint.products(weights, left, right)
         if joint.prior is None:
@@ -538,7 +536,8 @@ class Estimator:
         to_x = unit_coordinates(R[:k, :k])
         value = to_x @ R[:k, k]
         change = np.zeros((k + 1, k + 1))
-        change[:k, :k], change[:, k] = to_x, np.append(-value, 1.0)
+        change[:k, :k] = to_x
+        change[:, k] = np.append(-value, 1.0)
         both = part.products(fit.weights, change[:, :k], change)
         if part.prior is not None:
             known = part.prior @ change

@@ -328,7 +328,7 @@ class HeldOut:
         if M is not None:
             part = part.reduce(M, fit.columns, fixed)
         values = fit.estimator.refit(part, fit, self.folds.train.astype(float))
-        whole: Array = values if M is None else values @ M.T
+        whole = values if M is None else values @ M.T
         return whole if fixed is None else whole + fixed
 
     def roots(self, fit: Estimate, M: Array | None = None) -> Array:

@@ -426,7 +426,8 @@ class Missing:
             rarity = sum(likely.values()) / likely[name]
             price = float(np.log(rarity) + np.log(places[name]))
             positive = all(c.positive for some in sets for c in some)
-            members, unnamed = list_members(sets, self.fixed), families[name].unnamed
+            members = list_members(sets, self.fixed)
+            unnamed = families[name].unnamed
             out.append(Group(name, place, members, price, positive, unnamed))
         return tuple(out)
 

@@ -260,7 +260,7 @@ class RestrictedLikelihood:
 
     def whitened(self, a: Array, lagged: LaggedProducts) -> Array:
         """Return products of columns and y that a filter leaves white."""
-        G: Array = np.tensordot(np.outer(a, a), lagged.products)
+        G = np.tensordot(np.outer(a, a), lagged.products)
         G[-1, -1] += self.floor * float(a**2 @ lagged.white)
         # Slow noise reduces slow columns to the rounding of their products.
         diagonal = np.diag(lagged.products[0, 0])
@@ -433,8 +433,7 @@ def principal_columns(X: Array) -> tuple[Array, Array]:
 def span_columns(X: Array, most: int) -> Array:
     """Return an orthonormal basis (N, k) of the largest directions of columns, at most `most`."""
     columns, squares = principal_columns(X)
-    basis: Array = (columns / np.sqrt(squares))[:, :most]
-    return basis
+    return (columns / np.sqrt(squares))[:, :most]
 
 
 def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0) -> JointNoise:

@@ -151,7 +151,8 @@ def _judge_confirmed(
     refuted = tuple(x for x in (*refuted, *news) if x[0].key not in standing)
     kept = search.model.update_terms(_pay_prices(search, kept, places))
     if search.unseen is None:  # these rows are among the fitted ones already
-        kept, gains = tuple(replace(t, unseen=0.0) for t in kept), {}
+        kept = tuple(replace(t, unseen=0.0) for t in kept)
+        gains = {}
     return Judged(search, kept, gains, places, refuted, possible)
 
 
@@ -159,11 +160,13 @@ def _confirm(search: Search, found: Terms) -> Confirmed:
     """Return the terms that unseen rows do not refute, and the gains of all terms there, by key."""
     if not found:
         return (), {}
-    model, missing = search.model, search.missing
+    model = search.model
+    missing = search.missing
     if search.unseen is not None:
         products = missing.products(search.unseen, among=found)
     else:
-        log, count = missing.seen.log, len(missing.seen.log)
+        log = missing.seen.log
+        count = len(missing.seen.log)
         first = int(np.argmax(log == log[-1]))
         edges = [0, first, count] if first else [0, *divide(count), count]
         blocks = missing.products(missing.seen, edges, among=found)
@@ -207,7 +210,9 @@ def list_alternatives(judged: Judged, k: int) -> tuple[float, Terms]:
 
     Names that were tried in place of a term are left out.
     """
-    search, term, rest = judged.search, judged.terms[k], without(judged.terms, k)
+    search = judged.search
+    term = judged.terms[k]
+    rest = without(judged.terms, k)
     odds = max(term.odds, _odds_of_parts(search, rest, term.group))
     others = (t for t in search.model.gains(rest) if t.key not in judged.tried)
     return odds, tuple(t for t in others if _may_rival(t.group, term.group))
@@ -331,7 +336,8 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Weak]:
     folds = leave_out_each(search.missing.products(rows, _block_edges(rows), among=found))
     owners, terms = _split_places(search, found)
     every = list(zip(owners, terms, strict=True))
-    possible, gains = list[tuple[Term, float, float]](), np.empty(0)
+    possible = list[tuple[Term, float, float]]()
+    gains = np.empty(0)
     while terms:
         gains, needed = _gains_left_out(search.model, terms, folds)
         lacking = np.minimum(gains - needed, search.model.odds_each(terms) - RULES.name)
@@ -341,7 +347,8 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Weak]:
         left = [(terms[k], float(gains[k]), float(needed[k])) for k in gone]
         possible += [weak for weak in left if weak[1] > 0]
         stays = [k for k in range(len(terms)) if k not in gone]
-        owners, terms = [owners[k] for k in stays], tuple(terms[k] for k in stays)
+        owners = [owners[k] for k in stays]
+        terms = tuple(terms[k] for k in stays)
     places: Places = {t.key: {} for t in found}
     for owner, term, gain in zip(owners, terms, gains.tolist(), strict=False):
         places[owner][term.group.place] = gain
@@ -398,7 +405,8 @@ def _split_places(search: Search, found: Terms) -> tuple[list[tuple[str, str]], 
 
     A sum of all shapes of a family is a curve, which no equation names.
     """
-    owners, terms = list[tuple[str, str]](), list[Term]()
+    owners = list[tuple[str, str]]()
+    terms = list[Term]()
     for k, term in enumerate(found):
         candidates = find_candidates(search, found, k)
         price = float(np.log(len(candidates)))  # the family has paid its price
@@ -513,7 +521,8 @@ def _family(missing: Missing, what: Term | Group) -> Family:
 
 def find_candidates(search: Search, terms: Terms, k: int) -> list[Candidate]:
     """Return the candidates of one of some terms, one for each place."""
-    term, rest = terms[k], without(terms, k)
+    term = terms[k]
+    rest = without(terms, k)
     sets = search.missing.sets[term.key]
     chosen = sets[min(term.member, len(sets) - 1)]
     if sets[0][0].family.continuous:
@@ -718,7 +727,8 @@ def _conclude(search: Search, terms: Terms) -> MissingEffects:
     A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
     would widen every label. So it is one group more only where a scale was found.
     """
-    missing, model = search.missing, search.model
+    missing = search.missing
+    model = search.model
     if all(t.group.family != TorqueScale.name for t in terms):
         usual = tuple(g for g in model.groups if g.family != TorqueScale.name)
         model = replace(model, groups=usual)

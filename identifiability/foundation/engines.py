@@ -47,8 +47,7 @@ def one_thread(of: Literal["blas", "openmp"] | None = None) -> AbstractContextMa
     Threads slow down the small matrices of this project, and sums over several threads differ in
     the last bits. The search for libraries takes milliseconds. Only an import adds new ones.
     """
-    limits: AbstractContextManager[Any] = _controller(len(sys.modules)).limit(limits=1, user_api=of)
-    return limits
+    return _controller(len(sys.modules)).limit(limits=1, user_api=of)
 
 
 @lru_cache(maxsize=1)
@@ -190,8 +189,7 @@ class Processes(Engine):
             self._pool = ProcessPoolExecutor(
                 self.workers, initializer=_start_worker, initargs=own, env=one
             )
-        submit: Callable[..., Any] = self._pool.submit
-        return submit
+        return self._pool.submit
 
     def close(self) -> None:
         """End the processes at once, also while they work."""

@@ -136,14 +136,12 @@ def solve_each(equations: Array) -> Array:
 def sandwich(R: Array, F: Array) -> Array:
     """Return ``(RᵀR)⁻¹ FᵀF (RᵀR)⁻¹`` of a triangular R (k, k) and F (m, k), (k, k)."""
     half = solve_triangular(R, solve_triangular(R, F.T, trans="T")) if len(R) else R
-    found: Array = half @ half.T
-    return found
+    return half @ half.T
 
 
 def unit_coordinates(R: Array) -> Array:
     """Return T, (k, k), with columns ``A T`` of length one and at right angles, ``AᵀA = RᵀR``."""
-    T: Array = solve_triangular(R, np.eye(len(R))) if len(R) else R
-    return T
+    return solve_triangular(R, np.eye(len(R))) if len(R) else R
 
 
 def without_rounding(torque: Array, of: Array) -> Array:
@@ -157,5 +155,4 @@ def without_rounding(torque: Array, of: Array) -> Array:
     """
     most = np.abs(torque).max(axis=0, initial=0.0)
     largest = np.abs(of).max(initial=0.0)
-    kept: Array = torque * (most > ROUNDOFF * largest)
-    return kept
+    return torque * (most > ROUNDOFF * largest)

@@ -120,8 +120,7 @@ def presented(method: Callable[P, T]) -> Callable[P, T]:
     @wraps(method)
     def ask(*about: P.args, **options: P.kwargs) -> T:
         shown, *others = about
-        answered: T = in_words(present(shown, method.__name__, *others, **options))
-        return answered
+        return in_words(present(shown, method.__name__, *others, **options))
 
     return ask
 

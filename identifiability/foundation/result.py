@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
 def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:
     """Return the HTML of a notebook cell: sentences and a table in the style of the reports."""
-    html: str = handed("notebook_piece")(statement, frame, more)
-    return html
+    return handed("notebook_piece")(statement, frame, more)
 
 
 def by_name(frame: pd.DataFrame, column: int = 0) -> pd.DataFrame:
@@ -91,27 +90,23 @@ class Result(Keyed, ABC):
         prepared = (getattr(self, name, ()) for name in ("samples", "validation", "records"))
         notes = (text for logs in prepared for one in logs for text in one.notes)
         every = [*getattr(self, "hints", ()), *notes]
-        found: tuple[Finding, ...] = in_words(tuple(of_key(every)))
-        return found
+        return in_words(tuple(of_key(every)))
 
     @property
     def warnings(self) -> Strings:
         """Findings that change a decision; every way of showing the result shows them."""
-        found: Strings = in_words(self._deciding)
-        return found
+        return in_words(self._deciding)
 
     @cached_property
     def _deciding(self) -> Strings:
-        found: Strings = present(self, "warnings")
-        return found
+        return present(self, "warnings")
 
     @property
     def remarks(self) -> Strings:
         """Hints that change no decision."""
         hints = getattr(self, "hints", ())
         others = tuple(x for x in hints if not (isinstance(x, Finding) and x.decides))
-        found: Strings = in_words(others)
-        return found
+        return in_words(others)
 
     @presented
     def ledger(self) -> tuple[Table, ...]:
@@ -131,8 +126,7 @@ class Result(Keyed, ABC):
 
     def figures(self) -> dict[str, Figure]:
         """Return the figures of the result's page by their names."""
-        found: dict[str, Figure] = handed("draw_figures")(self)
-        return found
+        return handed("draw_figures")(self)
 
     def to_json(self, path: str | Path) -> Path:
         """Write the result, its `answers` and its `warnings` as JSON, whole or not at all.
@@ -160,13 +154,11 @@ class Result(Keyed, ABC):
 
     def written(self, kind: str) -> str | None:
         """Return the path of the file that the result was written to, if it was."""
-        name: str | None = vars(self).get("_written", {}).get(kind)
-        return name
+        return vars(self).get("_written", {}).get(kind)
 
     def write_report(self, path: str | Path) -> Path:
         """Write the result as one self-contained HTML file, whole or not at all."""
-        written: Path = handed("write_result")(self, path)
-        return written
+        return handed("write_result")(self, path)
 
     def __dir__(self) -> list[str]:
         """Return the names for completion: those that users need, without internals."""
@@ -191,5 +183,4 @@ class Result(Keyed, ABC):
         return f"<{type(self).__name__}: {shorten(said, 200, placeholder='…')}>"
 
     def _repr_html_(self) -> str:
-        html: str = handed("notebook_result")(self)
-        return html
+        return handed("notebook_result")(self)

@@ -40,8 +40,7 @@ class Stages:
         key = (make, *map(_identity, inputs))
         if key not in self._kept:
             self._kept[key] = (make(*inputs, **call), inputs)
-        found: R = self._kept[key][0]
-        return found
+        return self._kept[key][0]
 
     def release(self) -> None:
         """Forget all results."""

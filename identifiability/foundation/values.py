@@ -94,7 +94,6 @@ def once_each(method: Callable[Concatenate[T, P], V]) -> Callable[Concatenate[T,
         key = method, about, tuple(named.items())
         if key not in results:
             results[key] = method(self, *about, **named)
-        found: V = results[key]
-        return found
+        return results[key]
 
     return look

@@ -198,8 +198,7 @@ def _spin(turn: scipy.spatial.transform.Rotation, step: float) -> Array:
     w = quat[:, 3:]
     dv = rate[:, :3]
     dw = rate[:, 3:]
-    spin: Array = 2.0 * (w * dv - dw * v - np.cross(v, dv))
-    return spin
+    return 2.0 * (w * dv - dw * v - np.cross(v, dv))
 
 
 def _mean_acceleration(

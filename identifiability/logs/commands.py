@@ -43,15 +43,13 @@ def held_mean(t: Array, x: Array, at: Array, width: float) -> Array:
     sums = np.cumsum(areas, 0)
     area = np.concatenate([start, sums])
     ends = [_integral(t, x, area, at + side * 0.5 * width) for side in (-1, 1)]
-    mean: Array = (ends[1] - ends[0]) / width
-    return mean
+    return (ends[1] - ends[0]) / width
 
 
 def _integral(t: Array, x: Array, area: Array, at: Array) -> Array:
     """Return the integral of a staircase from its first time to others, (m, n)."""
     k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 1)
-    out: Array = area[k] + x[k] * (at - t[k])[:, None]
-    return out
+    return area[k] + x[k] * (at - t[k])[:, None]
 
 
 def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Array:
@@ -102,8 +100,7 @@ def integral_torque(log: Log, servo: Servo, dt: float, delay: float) -> Array:
         return np.zeros(log.q.shape)
     error = held_mean(log.commands_since, log.q_ref, log.t - delay, dt) - log.q
     torque = servo.integral * np.cumsum(error, axis=0) * dt
-    centred: Array = torque - torque.mean(0)
-    return centred
+    return torque - torque.mean(0)
 
 
 def are_positions_alone(log: Log) -> bool:

@@ -91,7 +91,8 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
         is_enough = windows[0].commanded and is_odd is _beyond and bool(odd)
         most = 2 * len(odd) > len(bounded)
         if is_enough or most:
-            joint, (low, high) = windows[0].joints[odd[0]], robot.limits[odd[0]]
+            joint = windows[0].joints[odd[0]]
+            low, high = robot.limits[odd[0]]
             stated = '"*"' if most else toml_key(joint)
             raise LogError(
                 f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "

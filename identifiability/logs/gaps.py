@@ -213,8 +213,7 @@ class Gaps:
     def lost(self) -> Array:
         """How many samples are missing in each, (m,) int."""
         steps = np.rint(self.length / self.step).astype(int)
-        count: Array = np.maximum(steps - 1, 1)
-        return count
+        return np.maximum(steps - 1, 1)
 
     def divide(self, longest: float, least: int = 1) -> Grid | None:
         """Return the grid of a log that bridges gaps up to `longest` [s]; None without gaps.
@@ -334,5 +333,4 @@ def _late(rows: Array, ratio: Array) -> Array:
     if not len(rows):
         return np.zeros(0, bool)
     run = np.concatenate([[0], np.cumsum(np.diff(rows) != 1)])
-    late: Array = np.bincount(run, ratio - 1)[run] < (RULES.gap - 1)
-    return late
+    return np.bincount(run, ratio - 1)[run] < (RULES.gap - 1)

@@ -161,8 +161,8 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
     inner = _BRACKETS.search(name)
     unit = find_unit(inner[1]) if inner else None
     if inner and unit:
-        return (name[: inner.start()].strip(), unit)
-    return (name, None)
+        return name[: inner.start()].strip(), unit
+    return name, None
 
 
 #: Words for each channel, and the channel of each word.
@@ -365,6 +365,6 @@ def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]
             # Names that differ only in case or signs cannot be distinguished.
             alike = sum(length == size for length, *_ in found) > 1
             if alike:
-                return ("", ["?"])
-            return (joint, words[:k] + words[k + size :])
+                return "", ["?"]
+            return joint, words[:k] + words[k + size :]
     return "", list(words)

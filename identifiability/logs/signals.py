@@ -200,7 +200,7 @@ def differentiate(x: Array, dt: float) -> Array:
     if len(x) < 2 * end:
         return _spline_slope(x) / dt
     kernel = [*np.negative(AHEAD[::-1]), 0.0, *AHEAD]
-    slope: Array = scipy.ndimage.correlate1d(
+    slope = scipy.ndimage.correlate1d(
         x,
         kernel,
         axis=0,

@@ -122,7 +122,7 @@ def _fresh(x: Array) -> Array:
             0,
         )
     )
-    fresh: Array = since % usual == 0
+    fresh = since % usual == 0
     fresh[1:] &= new[1:] | (since[1:] >= 2 * usual)
     return fresh
 

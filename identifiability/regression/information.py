@@ -79,7 +79,7 @@ class ActuatorBlocks:
     def total(self) -> Array:
         """Products of the columns and the torque over all blocks, (v + 1, v + 1)."""
         Z = self.blocks.reshape(-1, self.blocks.shape[2])
-        gram: Array = Z.T @ Z  # that of many columns is not kept
+        gram = Z.T @ Z  # that of many columns is not kept
         if self.basis is None:
             return gram
         return self.basis.T @ gram @ self.basis
@@ -167,14 +167,16 @@ class ColumnProducts:
 
     def outer(self, some: np.ndarray, others: np.ndarray) -> Array:
         """Return the products of each of some columns with each of others."""
-        some, others = self.place[some], self.place[others]
+        some = self.place[some]
+        others = self.place[others]
         if self.products is None:
             return self.rows[some] @ self.rows[others].T
         return self.products[some[:, None], others]
 
     def pairs(self, some: np.ndarray, others: np.ndarray) -> Array:
         """Return the product of each of some columns with its other."""
-        some, others = self.place[some], self.place[others]
+        some = self.place[some]
+        others = self.place[others]
         if self.products is None:
             return (self.rows[some] * self.rows[others]).sum(-1)
         return self.products[some, others]

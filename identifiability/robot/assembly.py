@@ -72,8 +72,8 @@ def _split_lock(word: str) -> tuple[str, str | None]:
     """Return joint and position of ``NAME=VALUE``; None as the position of ``NAME``."""
     name, equals, value = word.rpartition("=")
     if equals:
-        return (name.strip(), value or None)
-    return (word.strip(), None)
+        return name.strip(), value or None
+    return word.strip(), None
 
 
 def read_locks(given: LockOption | None) -> dict[str, float | None]:

@@ -448,8 +448,8 @@ def _law(m: Any, a: int) -> str:
     """Return the controlled quantity of an actuator: position, speed or torque; else empty."""
     if _integrates(m, a):
         return "q_ref"
-    gain_read = float(m.actuator_gainprm[a, 0])
-    gain, (_, stiff, damp) = gain_read, m.actuator_biasprm[a, :3]
+    gain = float(m.actuator_gainprm[a, 0])
+    _, stiff, damp = m.actuator_biasprm[a, :3]
     bias = int(m.actuator_biastype[a])
     fixed = m.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
     plain = m.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE

@@ -112,8 +112,7 @@ def write(robot: Any, values: NumberByName, path: str | Path) -> Path:
         If the robot has no such parameter.
     """
     # Effects define the friction, rotors and springs of a file; their room is above robots.
-    written: Path = handed("save_robot")(robot, values, path)
-    return written
+    return handed("save_robot")(robot, values, path)
 
 
 def write_copy(robot: Any, values: NumberByName) -> Path:

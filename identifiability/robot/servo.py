@@ -209,8 +209,7 @@ class Servo:
 
     def reaches_limit(self, torque: Array) -> np.ndarray:
         """Return joints whose torque, (N, n), is at a limit in some row, (n,) bool."""
-        limited: np.ndarray = np.any((torque <= self.low) | (torque >= self.high), axis=0)
-        return limited
+        return np.any((torque <= self.low) | (torque >= self.high), axis=0)
 
     @property
     def doubted(self) -> tuple[Servo, ...]:

@@ -295,8 +295,7 @@ class MeasuredTorque(Strict):
     def side_of(self, joint: str) -> Side:
         """Return where the torque of a joint was measured."""
         table = self.table("side")
-        side: Side = table.get(joint, table.get("", "joint"))
-        return side
+        return table.get(joint, table.get("", "joint"))
 
     def has_side(self, *sides: Side) -> bool:
         """Return whether the torque of any joint was measured at one of some sides."""

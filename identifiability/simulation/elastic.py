@@ -121,7 +121,9 @@ class Links:
         self.full[self.positions] = self._at_rest() + deflection
         v = np.zeros(robot.size)
         a = np.zeros(robot.size)
-        v[robot.actuated], v[self.dofs], a[robot.actuated] = dq, speed, ddq
+        v[robot.actuated] = dq
+        v[self.dofs] = speed
+        a[robot.actuated] = ddq
         M, force = self._dynamics(v, a)
         return force, M
 
@@ -132,7 +134,9 @@ class Links:
         """Return the inertia (nv, nv), and the forces (nv,) of velocities and accelerations."""
         model = self.mujoco.model
         data = self.mujoco.data
-        data.qpos[:], data.qvel[:], data.qacc[:] = self.full, v, a
+        data.qpos[:] = self.full
+        data.qvel[:] = v
+        data.qacc[:] = a
         mujoco.mj_inverse(model, data)
         M = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, M)

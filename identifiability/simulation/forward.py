@@ -134,11 +134,14 @@ def _set_bodies(model: Any, robot: Robot, values: Mapping[str, float]) -> None:
     for body, theta in share_out(robot, bodies).items():
         b = model.body(body).id
         whole = np.flatnonzero(model.body_weldid == model.body_weldid[b])
-        model.body_mass[whole], model.body_inertia[whole] = 0.0, 0.0
+        model.body_mass[whole] = 0.0
+        model.body_inertia[whole] = 0.0
         mass, centre, inertia = own_inertial(robot, body, theta)
         moments, axes = np.linalg.eigh(inertia)
         axes[:, 0] *= np.linalg.det(axes)
-        model.body_mass[b], model.body_ipos[b], model.body_inertia[b] = mass, centre, moments
+        model.body_mass[b] = mass
+        model.body_ipos[b] = centre
+        model.body_inertia[b] = moments
         mujoco.mju_mat2Quat(model.body_iquat[b], axes.ravel())
 
 
@@ -392,7 +395,8 @@ class ForwardRobot:
             force[:, kinematics.actuated] = tau[:, step]
             force -= np.concatenate(self.bias)
             for k in np.flatnonzero(alive).tolist():
-                states[k].qfrc_applied[:], states[k].ctrl[:] = force[k, :nv], force[k, nv:]
+                states[k].qfrc_applied[:] = force[k, :nv]
+                states[k].ctrl[:] = force[k, nv:]
                 mujoco.mj_step(model, states[k], inner)
             at = np.array([self._positions(state) for state in states])
             alive &= np.all(np.abs(at) < limit, axis=1)

@@ -258,12 +258,15 @@ class MujocoRobot:
             X = self.slope()
             v = np.zeros(self.size)
             a = np.zeros(self.size)
-            v[self.actuated], v[self.passive] = dq[k], -X @ dq[k]
+            v[self.actuated] = dq[k]
+            v[self.passive] = -X @ dq[k]
             a[self.actuated] = ddq[k]
             a[self.passive] = self._passive_acceleration(full, v) - X @ ddq[k]
             data = self.data
             position = full[: self.model.nq]
-            data.qpos[:], data.qvel[:], data.qacc[:] = position, v[:nv], a[:nv]
+            data.qpos[:] = position
+            data.qvel[:] = v[:nv]
+            data.qacc[:] = a[:nv]
             mujoco.mj_inverse(self.model, data)
             force = np.append(data.qfrc_inverse, np.zeros(len(self.robot.cables)))
             tau[k] = force[self.actuated] - X.T @ force[self.passive]
@@ -280,7 +283,7 @@ class MujocoRobot:
         own = np.append(self.model.qpos0, np.zeros(len(self.robot.cables)))
         for name, position in self.robot.locked.items():
             own[self.places[name][1]] = position
-        out: Array = np.tile(own, (len(q), 1))
+        out = np.tile(own, (len(q), 1))
         for j in self.robot.tree.joints:
             name = j.dofs[0] if j.nv == 1 else j.dofs[0].rpartition(".")[0]
             at = self.places[name][1]

@@ -357,7 +357,8 @@ class CommandedRobot:
         q, slope = self._forward.tie(log.q[0] + moved)
         v += (begin - 0.5 * h) * a0
         start = np.zeros(mujoco.mj_stateSize(model, _STATE))
-        start[1 : 1 + model.nq], start[1 + model.nq :][: len(v)] = q, v
+        start[1 : 1 + model.nq] = q
+        start[1 + model.nq :][: len(v)] = v
         # Friction has acted since before the start.
         bent = model.actuator_biasprm[self.bristles, 3] / model.actuator_dynprm[self.bristles, 5]
         activations = integrals.copy()
@@ -402,7 +403,9 @@ class CommandedRobot:
     def _acceleration(self, model: Any, data: Any, q: Array, v: Array, control: Array) -> Array:
         """Return the acceleration at a state, (nv,), that corrects speeds half a step old."""
         mujoco.mj_resetData(model, data)
-        data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, control
+        data.qpos[:] = q
+        data.qvel[:] = v
+        data.ctrl[:] = control
         mujoco.mj_forward(model, data)
         return data.qacc.copy()
 
@@ -412,10 +415,13 @@ class CommandedRobot:
         places = self.places
         model.opt.timestep = h
         stiff = [2 * h, 1.0]
-        model.dof_solref[:], model.dof_solimp[:, :2] = stiff, HARD
-        model.tendon_solref_fri[:], model.tendon_solimp_fri[:, :2] = stiff, HARD
+        model.dof_solref[:] = stiff
+        model.dof_solimp[:, :2] = HARD
+        model.tendon_solref_fri[:] = stiff
+        model.tendon_solimp_fri[:, :2] = HARD
         model.jnt_solref[:] = stiff
-        model.eq_solref[:], model.eq_solimp[:, :2] = stiff, HARD
+        model.eq_solref[:] = stiff
+        model.eq_solimp[:, :2] = HARD
         damping = np.maximum(numbers["Fv"], 0.0)
         places.write(model, "damping", damping)
         servo = self.servo.having(numbers)
@@ -534,7 +540,8 @@ def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float
     first = (log.q[starts], starting_speeds(log)[starts])
     out = np.full(log.q.shape, np.nan)
     torque_driven = ForwardRobot(robot, parameters).run(*first, tau, step)
-    out[starts], out[at + 1] = log.q[starts], torque_driven
+    out[starts] = log.q[starts]
+    out[at + 1] = torque_driven
     return out
 
 

@@ -254,7 +254,8 @@ def _table(messages: Iterable[tuple[Sequence[str], Mapping[str, Any]]]) -> pd.Da
 def _add_commands(reader: Any, frame: pd.DataFrame, topic: str) -> None:
     """Add the commands that were recorded last before each row to joint states."""
     kind = next(c.msgtype for c in reader.connections if c.topic == topic)
-    (names_of, of, dot_of), when = COMMANDS[kind], list[int]()
+    names_of, of, dot_of = COMMANDS[kind]
+    when = list[int]()
 
     def told() -> Iterator[tuple[Sequence[str], Mapping[str, Any]]]:
         for recorded, message in _messages(reader, topic, COMMANDS):

@@ -80,8 +80,7 @@ def stands_still(surveys: Sequence[Survey]) -> Array:
     # The joints of a base have position zero for any motion of the base.
     at_zero = (low[0] == 0.0) & (high[0] == 0.0)
     based = at_zero & ~never_moves(low[2], high[2])
-    still: Array = never_moves(low[0], high[0]) & ~based
-    return still
+    return never_moves(low[0], high[0]) & ~based
 
 
 def robot_moves(surveys: Sequence[Survey]) -> bool:
@@ -178,8 +177,7 @@ class Piece:
     @property
     def moves(self) -> Array:
         """Return a mask of outputs at which torque of each joint is data, (m, n) bool."""
-        found: Array = self.weight[self.at] > 0
-        return found
+        return self.weight[self.at] > 0
 
     @property
     def torque(self) -> Array:

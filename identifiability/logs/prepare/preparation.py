@@ -338,7 +338,7 @@ class Plan:
         recorded = all(w.dq is not None for w in windows)
         records = [w.dq if w.dq is not None and recorded else w.q for w in windows]
         levels = [noise_level(x, w.t) ** 2 for x, w in zip(records, windows, strict=True)]
-        sd: Array = np.sqrt(np.mean(levels, axis=0))
+        sd = np.sqrt(np.mean(levels, axis=0))
         if not recorded:  # white noise up to the cut-off, differentiated
             sd *= 2 * np.pi * np.sqrt(2 / 3 * self.step * (self.cutoff or 0.0) ** 3)
         return sd
