@@ -391,9 +391,19 @@ def repeat_profiles(
     return rows
 
 
+def curved_interval(curve: Profile) -> tuple[float, float]:
+    """Return the ends of the 95 % interval by the curvature at the best value."""
+    half = curve.parabola[2]
+    if not half > 0:
+        return curve.number.least, curve.number.most
+    reach = REACH / np.sqrt(half) * (curve.best if curve.number.logarithmic else 1.0)
+    return curve.best - reach, curve.best + reach
+
+
 def judge_profile(curve: Profile, truth: float) -> tuple[bool, bool, bool]:
     """Return whether region and curvature hold the truth, and whether an end is open."""
-    (lower, upper), (low, high) = curve.region, curve.curvature
+    lower, upper = curve.region
+    low, high = curved_interval(curve)
     return lower <= truth <= upper, low <= truth <= high, any(curve.open)
 
 

@@ -97,7 +97,6 @@ def test_a_noisy_motion_is_replaced_by_a_series_and_an_exact_one_is_not(simulate
     assert choice.record == "fourier"
     measured, series = choice.trials
     assert series.error < 0.5 * measured.error
-    assert series.coverage > 0.9
     assert choose(exact).record == "auto"
     assert choose(noisy, asked=Preparation("given")).record == "auto"
 

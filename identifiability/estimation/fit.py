@@ -124,13 +124,11 @@ class ScoreScatter:
     ----------
     sd : (k,)
         Infinite where the estimate is not determined.
-    stretches : int
     freedom : (k,)
         Degrees of freedom of each: independent outputs that its scatter was seen in.
     """
 
     sd: Array
-    stretches: int
     freedom: Array
 
     @property
@@ -151,12 +149,11 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
         Autocorrelation time of the residual.
     """
     merged = merge_stretches(information, time)
-    B = len(merged.counts)
-    if not fit.kept or RULES.stretches_fewest > B:
+    if not fit.kept or len(merged.counts) < RULES.stretches_fewest:
         return None
     sd = np.linalg.norm(fit.estimator.influence(merged, fit), axis=0)
     sd = np.maximum(sd, rounding_error(information, fit))
-    return ScoreScatter(np.where(fit.determined, sd, np.inf), B, count_freedom(merged, fit))
+    return ScoreScatter(np.where(fit.determined, sd, np.inf), count_freedom(merged, fit))
 
 
 def rounding_error(information: Information, fit: Estimate) -> Array:

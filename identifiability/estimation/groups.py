@@ -463,13 +463,6 @@ class Missing:
             mean=mean,
         )
 
-    def values(self) -> Array:
-        """Return the values of the model's columns if nothing is missing, (p,)."""
-        model = self.model()
-        centre = self.seen.centre
-        scale = model.scale[: model.fixed]
-        return (model.solve().value / scale)[: len(centre)] + centre
-
 
 def with_reversals(
     robot: Robot, candidates: Sequence[Candidate], present: Present

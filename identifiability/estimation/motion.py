@@ -14,7 +14,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import ndtr
 
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.findings import Finding, phrase
@@ -56,20 +55,13 @@ class MotionTrial:
 
     Attributes
     ----------
-    record : {"auto", "fourier", "spline"}
-        As `Preparation.derivatives`: ``auto`` is the motion as it was measured.
     error : float
         Of the planted torque along the true motion, over its root mean square.
-    coverage : float
-        Share of 95 % intervals of base parameters that would hold the planted value. It decides
-        nothing: a better record has narrower intervals, too.
     torque : float
         What the record leaves of the measured torque, over its root mean square.
     """
 
-    record: Derivatives
     error: float
-    coverage: float
     torque: float
 
 
@@ -80,6 +72,7 @@ class MotionChoice:
     Attributes
     ----------
     record : {"auto", "fourier", "spline"}
+        As `Preparation.derivatives`: ``auto`` is the motion as it was measured.
     trials : tuple of MotionTrial
         As measured first; empty where nothing was to be decided.
     logs : tuple of Log
@@ -255,15 +248,14 @@ def try_records(
     measured = [r.measured(r.log, step) for r in records]
     true = [r.samples(r.series[kind].motion, step, None) for r in records]
     own = [_fit(structure, samples) for samples in (measured, true)]
-    values = own[1].value
-    planted = plant_torque(structure, true, values)
+    planted = plant_torque(structure, true, own[1].value)
     truth = gather_rows(structure, planted)
     torque = _torque(measured)
-    names: tuple[Derivatives, Derivatives] = ("auto", kind)
-    trials = [
-        _judge(name, _fit(structure, _with_torque(samples, planted)), fit, values, truth, torque)
-        for name, samples, fit in zip(names, _measure_again(records, kind, step), own, strict=True)
-    ]
+    trials = list[MotionTrial]()
+    for samples, fit in zip(_measure_again(records, kind, step), own, strict=True):
+        found = _fit(structure, _with_torque(samples, planted))
+        error = _share(truth.squares(np.append(-found.value, 1.0)), truth.torque)
+        trials.append(MotionTrial(error, _share(fit.rss, torque)))
     return trials[0], trials[1]
 
 
@@ -283,37 +275,6 @@ def _measure_again(
         measured.append(record.measured(log, step))
         smoothed.append(record.samples(series.motion, step, None))
     return measured, smoothed
-
-
-def _judge(
-    name: Derivatives,
-    found: Estimate,
-    own: Estimate,
-    values: Array,
-    truth: Information,
-    torque: Array,
-) -> MotionTrial:
-    """Return the errors of planted values under a record.
-
-    Parameters
-    ----------
-    name : {"auto", "fourier", "spline"}
-    found : Estimate
-        Of the planted torque.
-    own : Estimate
-        Of the measured torque, along the same record.
-    values : (k,)
-        That were planted.
-    truth : Information
-        About planted torque and true columns.
-    torque : (n,)
-        Sum of squares of each actuator's measured torque.
-    """
-    error = _share(truth.squares(np.append(-found.value, 1.0)), truth.torque)
-    known = found.determined & own.determined
-    off = (found.value - values)[known] / np.maximum(own.sigma[known], 1e-300)
-    held = ndtr(1.96 - off) - ndtr(-1.96 - off)
-    return MotionTrial(name, error, float(np.mean(held)), _share(own.rss, torque))
 
 
 def plant_torque(structure: Structure, samples: Sequence[Dataset], values: Array) -> list[Dataset]:

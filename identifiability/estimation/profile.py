@@ -184,15 +184,6 @@ class Profile:
         step = self.coordinates[outside] - start
         return float(self.number.unscale(start + share * step))
 
-    @property
-    def curvature(self) -> tuple[float, float]:
-        """Ends of the 95 % interval by the curvature at the best value."""
-        half = self.parabola[2]
-        if not half > 0:
-            return self.number.least, self.number.most
-        reach = REACH / np.sqrt(half) * (self.best if self.number.logarithmic else 1.0)
-        return self.best - reach, self.best + reach
-
     def to_dict(self) -> dict[str, Any]:
         """Return the curve as plain values; open ends without a limit are null."""
         lower, upper = self.region

@@ -266,8 +266,6 @@ class Chunk:
     tau, raw : (m, n) [N·m or N]
         Torque, low-passed if W is, and as measured.
     t : (m,) [s]
-    velocity : (m, n) [rad/s or m/s]
-        Of the actuated joints.
     instruments : (m, n, p) or None
         Instruments for W where W itself is noisy.
     data : (m, n) bool
@@ -280,7 +278,6 @@ class Chunk:
     tau: Array
     raw: Array
     t: Array
-    velocity: Array
     data: np.ndarray
     instruments: Array | None = None
 
@@ -361,12 +358,11 @@ class LogPart:
             W, *instruments = (self._regressor(x) for x in (piece, *others))
             if any(V.shape != W.shape for V in instruments):
                 raise ValueError("instruments need as many samples as the log that they stand for")
-            velocity = piece.motion.actuated_v[piece.at]
             moves = piece.moves
             if r.dwelling:
                 piece = replace(piece, weight=np.ones_like(piece.weight))  # noqa: PLW2901 - it all
             V = piece.weighed(instruments[0]) if instruments else None
-            what = piece.weighed(W), piece.torque, piece.raw, t, velocity, moves, V
+            what = piece.weighed(W), piece.torque, piece.raw, t, moves, V
             yield Chunk(self.log, self.start + piece.first, *what)
 
     def _regressor(self, piece: Piece) -> Array:

@@ -242,11 +242,6 @@ class Tree:
         arm = own @ frames.axes[point.joint].reshape(3, -1)
         return frames.origin[point.joint] + arm.reshape(3, -1)
 
-    def positions(self, q: Array, point: Point) -> Array:
-        """Return the position of a point at configurations (N, nq), (N, 3) [m]."""
-        at = self.world_point(self.frames(q, [point.joint]), point)
-        return np.broadcast_to(at, (3, len(q))).T
-
     def world_axes(self, frames: Frames, joint: int, rotation: Array) -> Array:
         """Return the axes of a frame behind a joint, ``out[i]`` the i-th in the world, (3, 3, N).
 

@@ -41,7 +41,7 @@ def found(name, path, how=None):
 
 
 def rows_of(regression):
-    found = [(c.start, c.W.copy(), c.tau, c.t, c.velocity) for c in regression.chunks()]
+    found = [(c.start, c.W.copy(), c.tau, c.t) for c in regression.chunks()]
     assert [f[0] for f in found] == np.cumsum([0, *(len(f[2]) for f in found[:-1])]).tolist()
     return [np.concatenate(x) for x in list(zip(*found, strict=True))[1:]]
 

@@ -122,7 +122,7 @@ def test_one_log_short_logs_and_rounding_say_nothing():
 def test_what_scatters_between_logs_is_in_the_robust_deviation():
     m, _ = compare(shifted(2, 1, [0, 0, 2.0, 0]), 0)
     own = np.full(4, 0.1)
-    found = fit_known(fit_of(VALUES, own), ScoreScatter(own, 1, np.full(4, 1e9)), motions=m)
+    found = fit_known(fit_of(VALUES, own), ScoreScatter(own, np.full(4, 1e9)), motions=m)
     assert_allclose(found.robust, np.hypot(own, m.between), rtol=1e-5)
     assert found.robust[2] > 0.9  # both values, two apart, are within 1.96 of it
 

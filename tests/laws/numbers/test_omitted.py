@@ -114,7 +114,7 @@ def test_the_largest_of_what_a_number_stands_for_is_named():
 
 def verdict_of(left):
     fit = fit_of([1.0], [0.01])
-    scores = ScoreScatter(np.array([0.01]), 20, np.array([1e9]))
+    scores = ScoreScatter(np.array([0.01]), np.array([1e9]))
     found = fit_known(fit, scores, noise=100.0, left_out=left)
     told = ["p"], ["kg"], 1.0, ("",), np.zeros(1, bool), np.array([1.1])
     (verdict,) = judge(found, *told, Thresholds())

@@ -24,7 +24,7 @@ def roads(white, resampled, scores, freedom=1e6):
     white = np.array(white, float)
     estimate = fit_of(np.zeros(len(white)), white, np.isfinite(white))
     if scores is not None:
-        scores = ScoreScatter(np.array(scores, float), 1, np.array([freedom]))
+        scores = ScoreScatter(np.array(scores, float), np.array([freedom]))
     return fit_known(estimate, scores, bootstrap=drawn)
 
 
@@ -79,7 +79,7 @@ def test_noise_that_turns_back_does_not_count_as_less_than_white():
 def test_the_interval_of_a_label_is_the_sum_of_its_terms():
     own = np.array([0.3, 0.4])
     shared = {"delay": np.array([[0.3, 0.0], [0.4, 0.0]])}
-    found = fit_known(fit_of([1.0, 2.0], own), ScoreScatter(own, 1, np.full(2, 1e9)), shared=shared)
+    found = fit_known(fit_of([1.0, 2.0], own), ScoreScatter(own, np.full(2, 1e9)), shared=shared)
     terms = found.terms
     assert set(terms) == set(TERMS)
     assert_allclose(terms["delay"], [0.5, 0.0])

@@ -17,7 +17,7 @@ def verdicts(value, robust, *, white=None, noise=1.0, known=None, alias="", **re
     robust = np.atleast_1d(robust).astype(float)
     k = len(value)
     estimate = fit_of(value, robust if white is None else np.atleast_1d(white), known)
-    found = fit_known(estimate, ScoreScatter(robust, 20, np.full(k, np.inf)), noise=noise)
+    found = fit_known(estimate, ScoreScatter(robust, np.full(k, np.inf)), noise=noise)
     told = [f"label {j}" for j in range(k)], ["kg"] * k, 12.0, (alias,) * k, np.zeros(k, bool)
     return judge(found, *told, rest.get("nominal"), rest.get("thresholds") or Thresholds())
 
