@@ -256,18 +256,12 @@ class Problem:
         other.filters = other._fit_noise(bent)
         return other
 
-    def without_scales(self) -> Problem:
-        """Return the problem without torque scales among the rivals.
+    def with_rivals(self, stop: int) -> Problem:
+        """Return the problem with the first rivals of each joint's; torque scales are the last n.
 
         A common scale of torque, bodies and springs changes nothing, so that it hides their size.
+        Without any rival, the model predicts other motion best.
         """
-        return self._with_rivals(-self.n)
-
-    def without_rivals(self) -> Problem:
-        """Return the problem of springs alone, whose model predicts other motion best."""
-        return self._with_rivals(0)
-
-    def _with_rivals(self, stop: int) -> Problem:
         other = copy(self)
         other.beside = [x[:, :, :stop] for x in self.beside]
         return other
@@ -312,7 +306,7 @@ def find_bending(
     fit = drop_weak(problem, fit, price)
     gains = {j: measure_gain(problem, fit, j) for j in fit.springs.joints}
     fit = tune(problem, fit, band)
-    alone = problem.without_rivals()
+    alone = problem.with_rivals(0)
     rigid = alone.fit(NONE, fit.change)
     bent = alone.fit(fit.springs, fit.change, LAST) if fit.springs.joints else rigid
     places = range(len(fit.springs.joints))
@@ -359,10 +353,10 @@ def add_joints(problem: Problem, asked: tuple[int, ...], band: float) -> tuple[P
         gain, frequency, joint = max(screened)
         if gain < price:
             break
-        tried = [fit.springs.with_joint(joint, x * frequency, RATIO) for x in STARTS]
+        tried = [fit.springs.with_each(joint, np.array([x * frequency]), RATIO) for x in STARTS]
         fits = [problem.fit(springs, fit.change) for springs in tried]
         heard = (x for x in fits if not _silent(x.springs, band).any())
-        found = min(heard, key=_misfit, default=fit)
+        found = min(heard, key=lambda x: x.misfit, default=fit)
         if 0.5 * (fit.misfit - found.misfit) < price:
             refused.add(joint)
             continue
@@ -398,10 +392,6 @@ def measure_gain(problem: Problem, fit: Fit, joint: int) -> float:
     return 0.5 * (other.misfit - fit.misfit)
 
 
-def _misfit(fit: Fit) -> float:
-    return fit.misfit
-
-
 def drop_weak(problem: Problem, fit: Fit, price: float) -> Fit:
     """Return a fit without the joints that gain less than their price, given the others."""
     while fit.springs.joints:
@@ -415,7 +405,7 @@ def drop_weak(problem: Problem, fit: Fit, price: float) -> Fit:
 
 def tune(problem: Problem, fit: Fit, band: float) -> Fit:
     """Return the last numbers of the joints that still resonate, without torque scales."""
-    without = problem.without_scales()
+    without = problem.with_rivals(-problem.n)
     while fit.springs.joints:
         fit = without.fit(fit.springs, fit.change, LAST)
         silent = _silent(fit.springs, band)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
@@ -50,10 +50,6 @@ class Springs:
     joints: tuple[int, ...]
     frequency: Array
     ratio: Array
-
-    def with_joint(self, joint: int, frequency: float, ratio: float) -> Springs:
-        """Return one set of springs, with one more joint."""
-        return self.with_each(joint, np.array([frequency]), ratio)
 
     def with_each(self, joint: int, frequencies: Array, ratio: float) -> Springs:
         """Return sets of springs, each with one more joint of another frequency (S,)."""
@@ -139,7 +135,8 @@ class Stretch:
 
     def _difference(self, joint: int, order: int) -> Array:
         motion = self.piece.motion
-        links = Model((self.structure.model.effects[self._rigid],))
+        model = self.structure.model
+        links = Model((model.effects[model.names.index("rigid_body")],))
         state = [motion.actuated_q, motion.actuated_v, motion.actuated_a]
         ends = []
         for sign in (1.0, -1.0):
@@ -147,10 +144,6 @@ class Stretch:
             moved[order][:, joint] += sign * STEPS[order]
             ends.append(links.regressor(self.robot, complete_motion(self.robot, motion.t, *moved)))
         return (ends[0] - ends[1]) / (2.0 * STEPS[order])
-
-    @cached_property
-    def _rigid(self) -> int:
-        return self.structure.model.names.index("rigid_body")
 
     def derivatives(self, joints: Sequence[int], values: Array) -> Array:
         """Return P, D and M by the motion of m joints, (3, N, n, m)."""

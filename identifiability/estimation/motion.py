@@ -250,7 +250,7 @@ def try_records(
     own = [_fit(structure, samples) for samples in (measured, true)]
     planted = plant_torque(structure, true, own[1].value)
     truth = gather_rows(structure, planted)
-    torque = _torque(measured)
+    torque = np.asarray(sum((s.weight * s.tau**2).sum(0) for s in measured))
     trials = list[MotionTrial]()
     for samples, fit in zip(_measure_again(records, kind, step), own, strict=True):
         found = _fit(structure, _with_torque(samples, planted))
@@ -306,11 +306,6 @@ def gather_rows(structure: Structure, samples: Sequence[Dataset], size: int = RO
     W = np.concatenate([c.W for c in chunks])
     tau = np.concatenate([c.tau for c in chunks])
     return Information.of_rows(names, W, tau, log, size, moves=moves)
-
-
-def _torque(samples: Sequence[Dataset]) -> Array:
-    """Return each actuator's sum of squared torque, (n,)."""
-    return np.asarray(sum((s.weight * s.tau**2).sum(0) for s in samples))
 
 
 def _share(squares: Array, torque: Array) -> float:

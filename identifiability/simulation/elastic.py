@@ -70,11 +70,11 @@ class Links:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self.robot = robot
         self.mujoco = MujocoRobot(robot)
         springs = robot.springs.values()
         self.stiffness = np.array([s.stiffness for s in springs])
         self.damping = np.array([s.damping for s in springs])
+        self.at_rest = np.array([robot.locked[s.joint] for s in springs])
         #: The m joints that bend.
         self.joints = [robot.joints.index(joint) for joint in robot.springs]
         places = [self.mujoco.places[s.joint] for s in springs]
@@ -118,7 +118,7 @@ class Links:
         q, dq, ddq = state
         robot = self.mujoco
         self.full[robot.positions] = q
-        self.full[self.positions] = self._at_rest() + deflection
+        self.full[self.positions] = self.at_rest + deflection
         v = np.zeros(robot.size)
         a = np.zeros(robot.size)
         v[robot.actuated] = dq
@@ -126,9 +126,6 @@ class Links:
         a[robot.actuated] = ddq
         M, force = self._dynamics(v, a)
         return force, M
-
-    def _at_rest(self) -> Array:
-        return np.array([self.robot.locked[s.joint] for s in self.robot.springs.values()])
 
     def _dynamics(self, v: Array, a: Array) -> tuple[Array, Array]:
         """Return the inertia (nv, nv), and the forces (nv,) of velocities and accelerations."""
