@@ -203,8 +203,7 @@ def test_next_lines_of_shipped_robots_end_in_an_exported_robot(robot, hide, tmp_
         log.write(f"{name}.csv")
     verbs = follow(f"identifiability analyze {robot} a.csv --validate b.csv")
     assert ("diagnose" in verbs) >= bool(hide)
-    # A file alone cannot hold the Stribeck friction of the scara: its own errs less.
-    assert verbs[-1] == ("predict" if robot == "scara" else "export")
+    assert verbs[-1] == "export"
 
 
 def test_logs_that_disagree_are_compared_and_lead_on(tmp_path, monkeypatch):
