@@ -513,9 +513,21 @@ def describe_term(term: Term) -> str:
     return title if term.group.place == BASE else f"{title} in {place_of(term)}"
 
 
+def shorten_places(effect: str) -> str:
+    """Return an effect without its joints if they are more than three.
+
+    Examples
+    --------
+    >>> shorten_places("Stribeck friction in a, b, c and d"), shorten_places("a spring in a and b")
+    ('Stribeck friction in several joints', 'a spring in a and b')
+    """
+    name, _, places = effect.rpartition(" in ")
+    return f"{name} in several joints" if places.count(", ") > 1 else effect
+
+
 def _name_term(term: Term) -> str:
     """Return a group and its likeliest rivals in words."""
-    return " or ".join(map(describe_term, (term, *term.rivals[:3])))
+    return " or ".join(shorten_places(describe_term(t)) for t in (term, *term.rivals[:3]))
 
 
 @frozen

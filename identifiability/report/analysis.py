@@ -57,6 +57,7 @@ from .blocks import (
     torque_traces,
 )
 from .figures import name_torque
+from .pages import rollout_moving
 from .skeleton import move_with_torque
 from .values_table import joint_values, offset_table
 
@@ -89,7 +90,12 @@ def drawn_torque(out: Prediction) -> tuple[Array, Array]:
 
 
 def analysis_moving(analysis: Analysis) -> Moving | None:
-    """Return the robot along unseen motion, with measured and predicted torque."""
+    """Return the robot along unseen motion, with measured and predicted torque or positions."""
+    moved = analysis.moved
+    if moved is not None and moved.follows:
+        commands = [log.q if log.q_ref is None else log.q_ref for log in moved.logs]
+        ahead = replace(moved.runs[0], name="command", q=commands, errors=moved.from_commands)
+        return rollout_moving(replace(moved, runs=(ahead, moved.runs[1])))
     sample = (analysis.validation or analysis.samples)[0]
     out = analysis.held_out
     lines = torque_lines(*drawn_torque(out))
@@ -100,18 +106,15 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
 def analysis_sections(analysis: Analysis) -> list[Section | None]:
     """Return the sections of the page."""
     title = sentence("analysis.parameters", "title")
-    correlated = None if analysis.nothing else section_correlated(analysis.fit)
-    profiles = section_profiles(analysis) if analysis.profiles else None
-    posterior = None if analysis.belief is None else section_posterior(analysis)
     return [
         section_values(analysis, title),
         section_prediction(analysis),
         section_parameters(analysis),
         section_ladder(analysis),
-        correlated,
+        None if analysis.nothing else section_correlated(analysis.fit),
         section_physics(analysis),
-        profiles,
-        posterior,
+        section_profiles(analysis) if analysis.profiles else None,
+        None if analysis.belief is None else section_posterior(analysis),
         _how(analysis),
     ]
 
@@ -147,13 +150,11 @@ def section_parameters(analysis: Analysis) -> Section:
     chosen = analysis.chosen
     figure = picture("precision", plot.precision(analysis), model=chosen.name)
     table = order_verdicts(chosen)
-    known = Fold("How well each of them is known", (figure,))
-    from_file = Fold("Which numbers of the robot file may I believe?", (file_table(analysis),))
     return section(
         "analysis.parameters",
         table,
-        known,
-        from_file,
+        Fold("How well each of them is known", (figure,)),
+        Fold("Which numbers of the robot file may I believe?", (file_table(analysis),)),
         _name_key(analysis),
         size=len(chosen.submodel),
         counts=count_words(table),
@@ -449,12 +450,13 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         **settings,
     )
     title = sentence("pruning.survivors", "title")
-    values = section_values(ladder, title, sentence("values", "omitted"))
-    path = section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why"))
-    survivors = section_survivors(ladder)
-    correlated = None if ladder.nothing else section_correlated(ladder.fit)
-    method = section("pruning.method", Prose(tuple(text.values())))
-    return [values, path, survivors, correlated, method]
+    return [
+        section_values(ladder, title, sentence("values", "omitted")),
+        section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why")),
+        section_survivors(ladder),
+        None if ladder.nothing else section_correlated(ladder.fit),
+        section("pruning.method", Prose(tuple(text.values()))),
+    ]
 
 
 def section_survivors(ladder: Ladder) -> Section:

@@ -696,7 +696,7 @@ def draw_ladder(
     style = {"ncols": 3, "columnspacing": 0.8, "handletextpad": 0.5}
     legend_above(axes, handles=drawn.values(), labels=drawn, **style)
     size = f"smaller model → [parameters, of {sizes.max():.0f}]"
-    label_axes(axes, size, "error [% of torque variation]")
+    label_axes(axes, size, "error [%]")
     return figure
 
 

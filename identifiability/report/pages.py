@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identifiability.effects import title_of
-from identifiability.foundation.answers import Column, Note, Table
+from identifiability.foundation.answers import Column, Note
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import for_svg
@@ -101,12 +101,10 @@ def calibration_below(calibration: Calibration) -> Picture:
 
 def calibration_sections(calibration: Calibration) -> list[Section]:
     """Return the sections of the page."""
-    (every,) = calibration.tables()
     how = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
-    parameters = section("calibration.parameters", every)
     texts = tuple(words("calibration.how", **how).values())
     return [
-        parameters,
+        section("calibration.parameters", *calibration.tables()),
         section("calibration.method", Prose(texts)),
     ]
 
@@ -116,18 +114,22 @@ def calibration_sections(calibration: Calibration) -> list[Section]:
 
 def comparison_heading(result: Comparison) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    every, k = shorten_paths((*result.before, *result.after)), len(result.before)
+    every, k = _name_logs(result), len(result.before)
     before, after = (join(logs, 3) for logs in (every[:k], every[k:]))
     about = f"{result.robot.path.name} · {_name_model(result.submodel.name)}"
     return "Comparison report", f"{about} · before:\xa0{before} · after:\xa0{after}"
 
 
+def _name_logs(result: Comparison) -> list[str]:
+    """Return the names of all logs, each with its day if it is known."""
+    names = shorten_paths((*result.before, *result.after))
+    days = (f" ({day})" if day else "" for day in result.days)
+    return list(map("".join, zip(names, days, strict=True)))
+
+
 def comparison_moving(result: Comparison) -> Moving | None:
     """Return the robot along the later log that changed most, over the torque that did."""
-    robot = result.robot
-    motion = result.motion
     torque = result.torque
-    t = torque.t
     lines = {"measured": torque.measured}
     if result.changes:
         lines["explained"] = torque.explained
@@ -138,7 +140,7 @@ def comparison_moving(result: Comparison) -> Moving | None:
     joint = result.changes[0].felt.joint if result.changes else ""
     load = _place_load(result)
     how = "hangs" if load else how
-    about = robot, motion, t, torque.whole, lines, log, shown, how
+    about = result.robot, result.motion, torque.t, torque.whole, lines, log, shown, how
     return move_with_torque(*about, load=load, joint=joint)
 
 
@@ -170,7 +172,7 @@ def _sessions(result: Comparison) -> Picture | None:
     changes = [c for c in result.changes if c.course][:SHOWN]
     if not changes:
         return None
-    logs = shorten_paths((*result.before, *result.after))[len(result.before) :]
+    logs = _name_logs(result)[len(result.before) :]
     names = [f"{change.what}, {log}" for change in changes for log in logs]
     relative = np.array([point.relative for change in changes for point in change.course])
     values = 100 * relative[:, 0]
@@ -209,20 +211,17 @@ def diagnosis_below(d: Diagnosis) -> Picture | None:
     return _curves(d, 1)[0] if d.curves else None
 
 
-def diagnosis_values(d: Diagnosis) -> Table | None:
-    """Return what the refit changed at the joint with the first effect."""
-    return table_refitted(d)
+diagnosis_values = table_refitted
 
 
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
     """Return the sections of the page."""
-    forward = None if d.forward is None else section_forward(d.forward, d.robot.joints)
     bending = None if d.bending is None or not d.bending.joints else _section_bending(d.bending)
     return [
         section_effects(d),
         _section_fitted(d),
         _section_gap(d),
-        forward,
+        None if d.forward is None else section_forward(d.forward, d.robot.joints),
         bending,
         _section_where(d),
         *_sections_method(d),
@@ -305,20 +304,10 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
     horizon = gap.horizon
     if not gap.measured:
         return section("diagnosis.motion", f"Not done: {gap.note}", horizon=horizon)
-    figure = draw_forward(
-        gap.t,
-        gap.before.mean(2),
-        gap.after.mean(2),
-    )
+    figure = draw_forward(gap.t, gap.before.mean(2), gap.after.mean(2))
     before = gap.before[:, -1].mean(0)
     after = gap.after[:, -1].mean(0)
-    rows = zip(
-        joints,
-        before,
-        after,
-        strict=True,
-    )
-    table = make_table("forward", rows)
+    table = make_table("forward", zip(joints, before, after, strict=True))
     shown = picture("forward", figure, stretches=len(gap.before))
     return section("diagnosis.motion", shown, table, horizon=horizon)
 
@@ -415,11 +404,9 @@ def excitation_sections(result: Excitation) -> list[Section]:
         effects=effects,
         measured=measured,
     )
-    motion = section("excitation.motion", *_motion(result), result.tables()[0])
-    method = Prose(tuple(text.values()))
     return [
-        motion,
-        section("excitation.method", method),
+        section("excitation.motion", *_motion(result), result.tables()[0]),
+        section("excitation.method", Prose(tuple(text.values()))),
     ]
 
 
@@ -566,10 +553,7 @@ def payload_moving(result: Load) -> Moving | None:
     robot = result.robot
     torque = result.estimate.torque
     body = robot.bodies.index(result.body)
-    log = shorten_paths(result.logs)[0]
-    mass = result.parameters[9]
-    centre = result.parameters[6:9]
-    load = Point(robot.links[body].last, centre / mass)
+    load = Point(robot.links[body].last, result.parameters[6:9] / result.parameters[9])
     lines = {"measured": torque.measured, "computed": torque.explained}
     return move_with_torque(
         robot,
@@ -577,7 +561,7 @@ def payload_moving(result: Load) -> Moving | None:
         torque.t,
         torque.explained,
         lines,
-        log,
+        shorten_paths(result.logs)[0],
         how="load",
         load=load,
     )
@@ -587,11 +571,9 @@ def payload_sections(result: Load) -> list[Section | None]:
     """Return the sections of the page: gains, or quantities and how."""
     if result.gains:
         return [section("payload.gains", *result.tables())]
-    quantities = section("payload.quantities", result.tables()[0], body=result.body)
-    method = section("payload.method", sentence("payload.how", "plain", body=result.body))
     return [
-        quantities,
-        method,
+        section("payload.quantities", result.tables()[0], body=result.body),
+        section("payload.method", sentence("payload.how", "plain", body=result.body)),
     ]
 
 
@@ -667,9 +649,10 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
     log = result.logs[0]
     names = name_runs(result)
     start = result.runs[0].starts[0]
-    t = log.t[start:] - log.t[0]
-    recorded = log.q[start:]
-    differences = [run.q[0][start:] - recorded for run in result.runs]
+    end = int(np.searchsorted(log.t, log.t[start] + STRETCH, "right"))
+    t = log.t[start:end] - log.t[0]
+    recorded = log.q[start:end]
+    differences = [run.q[0][start:end] - recorded for run in result.runs]
     errors = [1e3 * np.sqrt(np.mean(x[:, result.alike] ** 2, axis=1)) for x in differences]
 
     def tell(row: int) -> str:

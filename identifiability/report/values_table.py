@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.estimation.groups import shorten_places
 from identifiability.estimation.verdict import Class, Flag, Verdict
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.rounding import join, measured, stated_text
@@ -17,7 +18,7 @@ from identifiability.robot.servo import list_gains
 from identifiability.workflows.analyze.result import Laddered
 
 from .answers.analyze import label_note
-from .answers.common import JOINT_KINDS, sentence, shorten_places
+from .answers.common import JOINT_KINDS, sentence
 from .answers.tables import make_table
 
 

@@ -37,7 +37,7 @@ from .changes import (
     list_unchanged,
 )
 from .roles import may_divide
-from .sides import Sides, find_changes
+from .sides import Sides, find_changes, list_days
 
 # The logs of a comparison.
 
@@ -76,6 +76,8 @@ class Comparison(OfStructure, Result):
         The model.
     before, after : tuple of str
         Logs on either side.
+    days : tuple of str
+        Days on which they began (UTC), those before first; empty where their times are no dates.
     changes : tuple of Change
         The surest first.
     limits : tuple of Unchanged
@@ -99,6 +101,7 @@ class Comparison(OfStructure, Result):
     submodel: Submodel
     before: tuple[str, ...]
     after: tuple[str, ...]
+    days: tuple[str, ...]
     changes: tuple[Change, ...]
     limits: tuple[Unchanged, ...]
     lacks: tuple[str, ...]
@@ -142,7 +145,7 @@ class Comparison(OfStructure, Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
-        own = ["statement", "before", "after"]
+        own = ["statement", "before", "after", "days"]
         named = {name: getattr(self, name) for name in own}
         changes = [_change_record(c) for c in self.changes]
         unchanged = [_unchanged_record(x) for x in self.unchanged]
@@ -250,7 +253,7 @@ def compare(
     with one_thread("blas"):
         case = take_case(robot, before, after, preparation, MEASURED)
         source = case.ladder(ladder, beside=True)
-        logs_before = read_sides(case, run).fitted
+        recordings = read_sides(case, run)
         data = case.data(case.first_structure(run, ladder), run, "compared")
         unchanged = case.completed(data, run)
         if unchanged.unseen is None:
@@ -266,11 +269,13 @@ def compare(
         hints = (*_check_reading(case, unchanged, base, run), *unchanged.remarks(times))
         torque = DifferentTorque.of(found, terms, len(unchanged.validation))
     later, earlier = sides.paths
+    days = list_days(sides.samples, recordings.began)
     return Comparison(
         structure=unchanged.structure,
         submodel=submodel,
         before=earlier,
         after=later,
+        days=(*days[sides.count :], *days[: sides.count]),
         changes=changes,
         limits=list_unchanged(found, terms),
         lacks=list_lacks(found, terms),
@@ -279,7 +284,7 @@ def compare(
         motion=sides.samples[torque.log].motion,
         torque=torque,
         source=source,
-        verifiable=may_divide(logs_before),
+        verifiable=may_divide(recordings.fitted),
     )
 
 

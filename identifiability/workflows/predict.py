@@ -1338,7 +1338,7 @@ def move_fitted(
         return None
     try:
         fitted_values = {**drop_follower_friction(robot), **values}
-        pairs = {"the file's": {}, "the fitted robot": fitted_values}
+        pairs = {"robot file": {}, "fitted model": fitted_values}
         rolled = logs.rolled
         if rolled and beside:
             pairs |= {"one without what was named": rolled.parameters}

@@ -104,6 +104,14 @@ class Sides:
         return seen, pooled_values(X, y, submodel.M, submodel.fixed)
 
 
+def list_days(samples: Sequence[Dataset], began: float | None) -> tuple[str, ...]:
+    """Return the day on which each log began (UTC), as 2026-03-31; empty without their session."""
+    if began is None:
+        return ("",) * len(samples)
+    starts = (began + (s.motion.start or 0.0) for s in samples)
+    return tuple(str(np.datetime64(int(x), "s"))[:10] for x in starts)
+
+
 def find_differences(
     structure: Structure,
     seen: Excerpt,

@@ -21,22 +21,16 @@ def axe():
     return (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
 
 
-def look(page, width, visit, axe):
-    """Check a page with all that can be opened open."""
-    with visit(page, width) as seen:
+@pytest.mark.parametrize(("kind", "width"), DEFAULT)
+def test_everybody_can_read_a_report_with_all_that_can_be_opened(kind, width, reports, visit, axe):
+    with visit(reports[kind], width) as seen:
         seen.page.evaluate(axe)
         seen.page.evaluate(OPEN)
         seen.page.evaluate(DETAIL)
         assert seen.page.evaluate(FOUND) == []
 
 
-@pytest.mark.parametrize(("kind", "width"), DEFAULT)
-def test_everybody_can_read_a_report(kind, width, reports, visit, axe):
-    look(reports[kind], width, visit, axe)
-
-
-#: What of a page does not survive its way onto paper of this size [px], of which 205 mm are free.
-PAPER = {"width": 688, "height": 1017}
+#: What of a page does not survive its way onto paper, of which 205 mm are free.
 PRINTED = """() => [...document.querySelectorAll("main *")].flatMap((e) => {
   const box = e.getBoundingClientRect(), said = [];
   if (e.matches(".plot svg") && box.height > 206 * 96 / 25.4) said.push("taller than a page");
@@ -55,8 +49,8 @@ SENTENCES = """() => [
 ].map((e) => e.textContent.trim()).filter((text) => text)"""
 
 
-def look_printed(page, visit):
-    with visit(page, PAPER["width"]) as seen:
+def test_a_page_survives_its_way_onto_paper_and_is_read_in_one_go(reports, visit):
+    with visit(reports["pruning"], 688) as seen:
         seen.page.emulate_media(media="print")
         seen.page.evaluate(OPEN)
         assert seen.page.evaluate(PRINTED) == []
@@ -65,7 +59,3 @@ def look_printed(page, visit):
     for text in texts:
         for sentence in re.split(r"(?<=[.!?])\s+", text):
             assert len(re.findall(r"[A-Za-z]\S*", sentence)) <= WORDS, sentence
-
-
-def test_a_page_survives_its_way_onto_paper_and_is_read_in_one_go(reports, visit):
-    look_printed(reports["pruning"], visit)

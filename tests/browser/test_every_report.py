@@ -48,6 +48,24 @@ LINKS = """() => [...document.querySelectorAll("nav a")].map((link) => {
 })"""
 
 
+#: The colour of a page, and that of its worst answer; a warning is amber.
+WORST = """() => {
+  const header = document.querySelector("header");
+  const colour = () => getComputedStyle(header).borderTopColor, page = colour();
+  const worst = ["vermilion", "amber", "green", "blue"].find((tone) => header.querySelector(
+    `dl > .tone-${tone}${tone === "amber" ? ", .note-warning" : ""}`));
+  if (worst) header.style.borderTopColor = `var(--${worst})`;
+  const said = colour();
+  header.style.borderTopColor = "";
+  return [page, said];
+}"""
+
+
+def test_the_worst_answer_sets_the_colour_of_a_page(seen):
+    page, worst = seen.page.evaluate(WORST)
+    assert page == worst
+
+
 def test_a_report_is_silent_and_needs_no_network(report, seen):
     assert seen.page.locator("main h1").count() == 1
     seen.page.evaluate("window.scrollTo(0, document.body.scrollHeight)")

@@ -192,16 +192,23 @@ def test_wear_that_stays_and_warm_up_that_returns_are_told_apart():
 def test_the_command_answers_first_and_writes_what_was_asked(succeeds, tmp_path):
     first = tmp_path / "monday.csv"
     second = tmp_path / "friday.csv"
-    logs(PLANAR, 1)[0].to_frame().to_csv(first, index=False)
-    logs(PLANAR, 31, elbow=1.3)[0].to_frame().to_csv(second, index=False)
+    # Times count from 1970.
+    for path, log, day in (
+        (first, logs(PLANAR, 1)[0], 1.7e9),
+        (second, logs(PLANAR, 31, elbow=1.3)[0], 1.71e9),
+    ):
+        log.to_frame().assign(t=lambda x, day=day: x.t + day).to_csv(path, index=False)
     page = tmp_path / "c.html"
     data = tmp_path / "c.json"
     out = succeeds("compare", PLANAR, first, second, "--report", page, "--json", data)
     assert out.stdout.startswith("What changed? Friction of elbow rose by ")
     assert " N·m rms (probability" in out.stdout
-    changes = json.loads(data.read_text())["changes"]
-    assert [c["what"] for c in changes] == ["friction of elbow"]
-    assert "Friction of elbow rose" in page.read_text("utf-8")
+    told = json.loads(data.read_text())
+    assert [c["what"] for c in told["changes"]] == ["friction of elbow"]
+    assert told["days"] == ["2023-11-14", "2024-03-09"]
+    text = page.read_text("utf-8")
+    assert "Friction of elbow rose" in text
+    assert "friday.csv (2024-03-09)" in text
 
 
 @pytest.mark.parametrize(("name", "motion"), [(PLANAR, 0), ("five-bar", 1)])

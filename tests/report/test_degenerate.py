@@ -5,11 +5,7 @@ import pytest
 from identifiability.report import build_page, render_page
 
 
-def render(analysis):
-    return render_page(build_page(analysis))
-
-
 @pytest.mark.parametrize("joints", [["only"], ["a", "b"]])
 def test_one_model_and_few_joints_suffice(chain_analysis, one_model, joints):
-    html = render(chain_analysis(joints, one_model))
-    assert "there was nothing to choose from" in html
+    page = build_page(chain_analysis(joints, one_model))
+    assert "there was nothing to choose from" in render_page(page)

@@ -24,12 +24,8 @@ HOSTILE = [
 def draw_first(names, value=1.0):
     """Return one figure, for what is so of each."""
     x = np.full(len(names), value)
-    return figures.draw_precision(names, x, 2 * x, _kinds(len(names)), 20.0, 10 * value)
-
-
-def _kinds(count):
-    kinds = ["identifiable", "sign only", "negligible", "not identifiable", "something new"]
-    return [kinds[i % 5] for i in range(count)]
+    kinds = ["identifiable", "sign only", "negligible", "not identifiable", "something new"] * 2
+    return figures.draw_precision(names, x, 2 * x, kinds[: len(x)], 20.0, 10 * value)
 
 
 def draw_all(names, value=1.0):

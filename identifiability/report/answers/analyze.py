@@ -29,7 +29,6 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     LEVEL,
     REACH,
-    error_text,
     format_number,
     join,
     measured,
@@ -116,36 +115,23 @@ class LadderedPresenter(PredictingPresenter):
         use = self.answer_use()
         warned = after_mass(use, result.mass_warning)
         # The reservation states the cause, if nothing else is odd.
-        text = use.text if _state_wrong_mass(result) else warned.text
-        use = replace(warned, text=text)
-        short = join_sentences(state_weight(result), use.short)
-        cause = _state_cause(result)
+        known = use.text if _state_wrong_mass(result) else warned.text
+        text = _state_cause(result) or known
+        short = join_sentences(state_weight(result), warned.short)
         more = join_sentences(use.more, _state_gains(result))
-        use = replace(use, short=short, text=cause or use.text, more=more)
+        use = replace(warned, short=short, text=text, more=more)
         more = ""
         if not result.nothing:
             more = join_sentences(_state_own_means(result), _state_left_out(result))
-        values, others = self.compare_errors()
         measured_on = sentence(
             "laddered.measured",
             kind=result.validation_kind,
             interval=state_interval(result.held_out),
-            values=values,
         )
-        more = join_sentences(more, others)
         error = self.answer_error(measured_on, more, raw=result.left_out["raw"])
         if result.moved is not None:
             error = result.moved.lead(error)
         return use, error, answer_doubt(result)
-
-    def compare_errors(self) -> tuple[str, str]:
-        """Return of which values the stated error is, as a clause, and errors for further down."""
-        model = self.result.chosen
-        free = model.unseen_by(0)
-        same = error_text(free) == error_text(model.error_ra_validation)
-        if same or not (np.isfinite(free) and is_nearly_real(model)):
-            return "", ""
-        return sentence("quality", "exported", free=free), ""
 
     def commands(self) -> list[Command]:
         """Return at most three lines for the terminal, the most useful first."""
@@ -417,8 +403,7 @@ def _state_unknown(chosen: ModelResult) -> str:
     about = "analysis.others"
     doubted = Counter(v.look for v in others)  # as the table counts them
     each = [sentence(about, of, count=doubted[of]) for of in WORDS[about] if doubted[of]]
-    pruned = sentence("analysis.use", "pruned") if _has_unknown(chosen) else ""
-    return sentence("analysis.use", "open", others=len(others), labels=each, pruned=pruned)
+    return sentence("analysis.use", "open", others=len(others), labels=each)
 
 
 def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
@@ -450,7 +435,7 @@ def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
         elif len(own) > len(lost):
             text = sentence(about, part, names=names, joints=which, **holes)
             told.append(text)
-            most = most or text * (part == "but")
+            most = most or text * (part == "but" and what != kinds["off"])
     count = sum(word == "masses" and sure for word, sure in zip(words, known, strict=True))
     if count:
         told.append(sentence(about, "masses", count=count))
@@ -459,7 +444,7 @@ def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
     others = [text for text in told if text != most]
     if chosen.unjudged or not (most or others):
         return "", ""
-    rest = sentence(about, "also" if most else "known", each=others) if others else ""
+    rest = sentence(about, "also", each=others) if others else ""
     return f"{capital(most)}. " * bool(most), rest
 
 

@@ -23,6 +23,7 @@ from identifiability.effects.springs import (
     JointStiffness,
     PositionTorque,
 )
+from identifiability.estimation.groups import shorten_places
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Note
 from identifiability.foundation.errors import listing
@@ -201,18 +202,6 @@ def find_command(effects: Sequence[str], line: str, part: str = "name") -> Comma
     if not effects:
         return command("missing", line)
     return command(part, line, names=list(map(shorten_places, effects)), count=effects)
-
-
-def shorten_places(effect: str) -> str:
-    """Return an effect without its joints if they are many: the headline lists them.
-
-    Examples
-    --------
-    >>> shorten_places("Stribeck friction in a, b, c and d"), shorten_places("a spring in a and b")
-    ('Stribeck friction in several joints', 'a spring in a and b')
-    """
-    name, _, places = effect.rpartition(" in ")
-    return f"{name} in several joints" if len(places.split(", ")) >= NAMED else effect
 
 
 class AnsweringPresenter(Presenter, ABC):
@@ -528,14 +517,14 @@ def answer_trust(
     checks = [n.text for n in grave if n.title == usual]
     others = [n for n in grave if n.title != usual]
     titles = list(dict.fromkeys(after_colon(n.title) for n in others))
-    if warnings:
-        titles.insert(0, sentence("trust", "warnings" if len(warnings) > 1 else "one_warning"))
     doubted = sentence("trust", "in_doubt", what=in_doubt) if in_doubt else ""
     if missing:
         # The only check stands here alone, so that no note repeats it.
         told = [doubted, *checks * (len(checks) == 1)]
         also = sentence("trust", "read", told="; ".join(titles)) if titles else ""
         return answer("trust", "if_nothing", list_points(*told, also), missing=missing)
+    if warnings:
+        titles.insert(0, sentence("trust", "warnings", warnings=warnings))
     # What leads is told in full; a note below the answers has all of the other checks.
     lead = "" if warnings or not others else others[0].text
     head = after_colon(checks[0]) if checks and not titles else _head_check(checks)

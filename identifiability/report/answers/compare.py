@@ -422,22 +422,19 @@ def _least(number: Unchanged) -> str:
 def _state_seen(result: Comparison) -> str:
     """Return the least load and the least change of friction that would show at every place.
 
-    Numbers of which not even a loss would show are named, and the offset that shows least.
+    Numbers of which not even a loss would show are named.
     """
     about = "comparison.seen"
     names = [x.what for x in result.unchanged if _is_hidden(x)]
     shown = [x for x in result.unchanged if np.isfinite(x.least) and not _is_hidden(x)]
     shown.sort(key=lambda x: x.least if x.kind == "load" else x.relative)
-    most = {x.kind: x for x in shown if x.kind != "gain"}
+    most = {x.kind: x for x in shown if x.kind not in ("gain", "offset")}
     other = any(x.kind == "friction" for x in result.unchanged if _is_hidden(x))
     holes = {"a": "any other" if other else "a"}
-    told = {
-        kind: sentence(about, kind, number=x, least=_least(x), **holes) for kind, x in most.items()
-    }
-    below = told.pop("offset", "")
+    told = [sentence(about, kind, number=x, **holes) for kind, x in most.items()]
     blind = sentence(about, "blind", names=names) if names else ""
-    seen = capital(sentence(about, "shown", each=" or ".join(told.values()))) if told else ""
-    return list_points(blind, seen, below)
+    seen = capital(sentence(about, "shown", each=" or ".join(told))) if told else ""
+    return list_points(blind, seen)
 
 
 def _state_evidence(change: Change, *, only: bool) -> str:

@@ -33,11 +33,9 @@ class FirstAnswerPresenter(Presenter):
         about = "first_answer"
         worst = max(result.rows(), key=lambda row: row["error"] or 0.0)
         lengths: dict[str, Any] = {"seconds": result.seconds, "of_seconds": result.of_seconds}
-        begun = answer(about, "begun", sentence(about, "refined"), **lengths)
-        follows = answer(about, "worst", question=sentence(about, "follows"), **worst)
         return (
-            begun,
-            follows,
+            answer(about, "begun", sentence(about, "refined"), **lengths),
+            answer(about, "worst", question=sentence(about, "follows"), **worst),
         )
 
     def tables(self) -> tuple[Table, ...]:

@@ -272,9 +272,11 @@ class PositionPredictionPresenter(AnsweringPresenter):
         alone, advice = _state_alone(result)
         torque = usual.short.replace("Error", "Torque error", 1)
         holes = {"error": error, "lag": lag, "alone": alone, "torque": torque}
-        short = sentence("rollout.errors", "moves", **holes)
+        logs = [log.name for log in result.logs]
+        short = sentence("rollout.errors", "moves", logs=logs, **holes)
         tone = "amber" if usual.tone == "vermilion" else usual.tone  # only its torque is poor
-        return replace(usual, short=join_sentences(short, advice), tone=tone)
+        more = join_sentences(usual.text, usual.more)
+        return replace(usual, short=join_sentences(short, advice), text="", more=more, tone=tone)
 
     def warn(self, usual: Answer) -> Answer:
         """Return an answer behind the warning that the named effects make motion worse."""
@@ -354,7 +356,7 @@ def state_span(result: PositionPrediction) -> str:
 
 def find_worst(result: PositionPrediction) -> int:
     """Return the joint that errs most in any robot."""
-    errors = np.nan_to_num(np.max([run.errors for run in result.runs], axis=0))
+    errors = np.max(np.nan_to_num([run.errors for run in result.runs]), axis=0)
     return int(np.where(result.alike, errors, -1.0).argmax())
 
 

@@ -70,16 +70,6 @@ class LadderPresenter(LadderedPresenter):
         others = sentence(about, "others", low=sizes[0], high=sizes[1]) if sizes else ""
         return replace(found, more=join_sentences(why, rule, others))
 
-    def compare_errors(self) -> tuple[str, str]:
-        """Return of which values the stated error is, and the errors of table and figure."""
-        result = self.result
-        chosen, full = result.chosen, result.full
-        real = sentence("quality", "real") if chosen.physical_used else ""
-        if result.nothing or chosen is full:
-            return real, ""
-        errors = {"error": chosen.unseen_by(0), "full": full.unseen_by(0)}
-        return real, sentence("pruning.use", "estimated", size=len(full), **errors)
-
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and that the choice is stable if it is."""
         yield from super().notes()

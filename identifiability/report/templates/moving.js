@@ -17,10 +17,6 @@ function drawMoving(figure) {
   const known = data.robots[0].filter(Boolean);
   figure.querySelector(".trail").setAttribute("d", data.tips.map((k) =>
     `M${known.map((p) => place(p, k)).join("L")}`).join(""));
-  const narrow = figure.nextElementSibling ? 600 : 900;  // beside a plot there is room for it
-  if (matchMedia(`(max-width: ${narrow}px)`).matches) {
-    for (const more of figure.querySelectorAll("figcaption details")) more.open = false;
-  }
   const draw = () => {
     const k = Number(time.value);
     robots.forEach((group, r) => {
@@ -30,7 +26,7 @@ function drawMoving(figure) {
       group.querySelector(".bodies").innerHTML = solid(p);
       group.querySelectorAll("g.joint").forEach((dot, a) => {
         dot.setAttribute("transform", `translate(${p[3 * a]} ${p[3 * a + 1]})`);
-        dot.querySelector(".missed").setAttribute("r", 24 * Math.sqrt(data.misses[k][a]));
+        dot.querySelector(".missed").setAttribute("r", 18 * Math.sqrt(data.misses[k][a]));
       });
     });
     const share = (data.t[k] - data.t[0]) / (data.t.at(-1) - data.t[0]);

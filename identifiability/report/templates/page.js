@@ -68,6 +68,12 @@ for (const chip of document.querySelectorAll(".chip[data-word]")) {
 
 // A table that is wider than its frame says so; on a phone it becomes cards.
 const phone = matchMedia("(max-width: 600px)");
+// Captions of answers are folded where the page is narrow; beside a plot there is room for them.
+for (const figure of document.querySelectorAll(".answers figure")) {
+  const alone = !figure.nextElementSibling && matchMedia("(max-width: 900px)").matches;
+  const more = figure.querySelector("figcaption details");
+  if (more && (phone.matches || alone)) more.open = false;
+}
 function fitTable(box) {
   const table = box.parentNode;
   table.classList.remove("cards");
