@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, field
 from typing import Any
 
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.values import frozen
 
 
@@ -97,7 +96,7 @@ class Bending:
     """
 
     joints: tuple[ElasticJoint, ...]
-    asked: tuple[str, ...]
+    asked: Strings
     band: float
     bandwidth: float
     error_before: Array
@@ -105,7 +104,7 @@ class Bending:
     held_before: Array | None = None
     held_after: Array | None = None
     lost: str = ""
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: NumberByName = field(default_factory=dict)
     rigid: str = ""
 
     def to_dict(self) -> dict[str, Any]:

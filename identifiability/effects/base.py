@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.names import BASE, Array, Parameter
+from identifiability.foundation.names import BASE, Array, NumberByName, Parameter, Strings
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import project, tree_motion
 from identifiability.robot.floating import SIX, base_acceleration
@@ -43,7 +43,7 @@ def turn_gravity(robot: Robot, angles: Sequence[float] | Array) -> Robot:
     return robot.turned(turn(robot.gravity, step))
 
 
-def apply_tilt(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
+def apply_tilt(robot: Robot, values: NumberByName) -> tuple[Robot, dict[str, float]]:
     """Return robot and values with a tilt as files state it: gravity's direction."""
     names = [f"{BASE}.{kind}" for kind in TILTS]
     out = dict(values)
@@ -96,7 +96,7 @@ class GravityTilt(Effect):
         self.direction = None if direction is None else tuple(map(float, direction))
 
     @property
-    def texts(self) -> tuple[str, ...]:
+    def texts(self) -> Strings:
         """How a ladder file writes the effect."""
         if self.direction is None:
             return (self.name,)
@@ -143,7 +143,7 @@ CORRECTIONS = {
 }
 
 
-def move_mounting(robot: Robot, values: Mapping[str, float]) -> str:
+def move_mounting(robot: Robot, values: NumberByName) -> str:
     """Return the mounting with fitted corrections as the sidecar states it; empty without any.
 
     Parameters

@@ -6,7 +6,7 @@ Diagnoses, exports and reports read the `Family` of an effect.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import wraps
@@ -16,7 +16,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from identifiability.foundation.errors import ModelError, listing
-from identifiability.foundation.names import Array, Parameter, find_named, is_pattern
+from identifiability.foundation.names import (
+    Array,
+    NumberByName,
+    Parameter,
+    Strings,
+    find_named,
+    is_pattern,
+)
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
 from identifiability.robot.closure import load_by
@@ -40,7 +47,7 @@ class Effect(ABC):
     #: Where the equation is from.
     source: str = ""
     #: Effects whose columns these already contain; a model drops them.
-    supersedes: tuple[str, ...] = ()
+    supersedes: Strings = ()
 
     #: How many numbers its shape is, behind the colon of a ladder file.
     shape_size: ClassVar[int] = 0
@@ -60,11 +67,11 @@ class Effect(ABC):
         return robot
 
     @property
-    def texts(self) -> tuple[str, ...]:
+    def texts(self) -> Strings:
         """How a ladder file writes the effect."""
         return (self.name,)
 
-    def shapes(self, robot: Robot) -> Mapping[str, float]:
+    def shapes(self, robot: Robot) -> NumberByName:
         """Return the shapes behind the columns, by ``<joint>.<effect>``; none for most effects."""
         del robot
         return {}
@@ -234,7 +241,7 @@ class AlongAxes(Effect):
     #: Whether physics forbids levels below zero.
     nonnegative: bool = False
     #: The number of a joint by which a robot file states each kind; see `Parameter.stated_as`.
-    stated_as: tuple[str, ...] = ()
+    stated_as: Strings = ()
     #: Whether a model can place it at axes at which it is not by itself.
     anywhere: ClassVar[bool] = True
 
@@ -265,7 +272,7 @@ class AlongAxes(Effect):
         """Return where the effect is: by default at every actuated joint and coupled motor."""
         return robot.axes
 
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+    def kinds(self, robot: Robot, axis: Axis) -> Strings:
         """Return the kinds of parameters that an axis has."""
         del robot, axis
         return tuple(kind for kind, _, _ in self.units)
@@ -313,7 +320,7 @@ class AlongAxes(Effect):
                 yield load, force
 
 
-def counted(kind: str, count: int) -> tuple[str, ...]:
+def counted(kind: str, count: int) -> Strings:
     """Return the kinds of several parameters, counted from one."""
     return tuple(f"{kind}{k + 1}" for k in range(count))
 
@@ -425,17 +432,17 @@ RESTS = "rest the joints, or move one joint while another stands still"
 POSTURES = "move through the whole range of each joint with the others in other postures"
 
 
-def joint_places(robot: Robot) -> tuple[str, ...]:
+def joint_places(robot: Robot) -> Strings:
     """Return every actuated joint and coupled motor."""
     return tuple(a.name for a in robot.axes)
 
 
-def every_axis(robot: Robot) -> tuple[str, ...]:
+def every_axis(robot: Robot) -> Strings:
     """Return every actuated joint and coupled motor, then every passive joint."""
     return tuple(a.name for a in (*robot.axes, *robot.passive_axes))
 
 
-def actuated_joints(robot: Robot) -> tuple[str, ...]:
+def actuated_joints(robot: Robot) -> Strings:
     """Return every actuated joint."""
     return robot.motor_joints
 
@@ -511,7 +518,7 @@ class Family:
 
     effect: Effect
     title: str
-    places: Callable[[Robot], tuple[str, ...]] = joint_places
+    places: Callable[[Robot], Strings] = joint_places
     shapes: Callable[[Span], tuple[float, ...]] | None = None
     against: Literal["velocity", "position", "load", "time", "session"] = "velocity"
     separate: bool = False
@@ -609,7 +616,7 @@ class Part:
 
     effect: Effect
     owner: str
-    kinds: tuple[str, ...] = ()
+    kinds: Strings = ()
 
     def choose(self, parameters: Sequence[Parameter]) -> dict[int, Parameter]:
         """Return the parameters of the effect that belong to the part, by column."""
@@ -672,7 +679,7 @@ class Placed(Effect):
         self.supersedes = ()
 
     @property
-    def texts(self) -> tuple[str, ...]:
+    def texts(self) -> Strings:
         """How a ladder file writes the effect."""
         return self._texts or super().texts
 

@@ -7,14 +7,14 @@ friction that drifts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Robot
@@ -87,7 +87,7 @@ class CoulombAsymmetry(AlongAxes):
     units = (("Fc", "N·m", "N"), ("Fc+", "N·m", "N"), ("Fc-", "N·m", "N"))
     nonnegative = True
 
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+    def kinds(self, robot: Robot, axis: Axis) -> Strings:
         """Return both levels of a joint, one of a motor that mixes joints."""
         del robot
         return ("Fc",) if axis.mixed else ("Fc+", "Fc-")
@@ -101,7 +101,7 @@ class CoulombAsymmetry(AlongAxes):
         return [0.5 * (sign + moves), 0.5 * (sign - moves)]
 
 
-def complete_coulomb_levels(values: dict[str, float], given: Mapping[str, float]) -> None:
+def complete_coulomb_levels(values: dict[str, float], given: NumberByName) -> None:
     """Make the Coulomb levels of some values consistent: one for both directions, and one for each.
 
     The given values decide: a level for both, else those of each direction.

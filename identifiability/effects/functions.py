@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from identifiability.foundation.defaults import DEFAULTS
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
@@ -228,7 +228,7 @@ class SmoothFunction(Shaped):
         del robot
         return self.of.usual[axis.prismatic]
 
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+    def kinds(self, robot: Robot, axis: Axis) -> Strings:
         """Return one for every column."""
         del robot, axis
         count = (3 if self.moving else 1) * (self.pieces + DEGREE)
@@ -306,7 +306,7 @@ class FunctionOfVelocity(Shaped):
     supersedes = CONTAINED
     units = (("fo", "N·m", "N"), ("fe", "N·m", "N"))
 
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+    def kinds(self, robot: Robot, axis: Axis) -> Strings:
         """Return one for every odd column, then for every even one."""
         del robot, axis
         pairs = (PIECES + DEGREE) // 2
@@ -349,7 +349,7 @@ class FunctionOfOtherVelocity(FromJoint):
     crossed = ("N·m", "N")
     supersedes = CONTAINED
 
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+    def kinds(self, robot: Robot, axis: Axis) -> Strings:
         """Return one for every spline, with the joint that it comes from."""
         (kind,) = super().kinds(robot, axis)
         return counted(f"{kind}_", PIECES + DEGREE)

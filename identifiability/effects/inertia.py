@@ -9,7 +9,13 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
+from identifiability.foundation.names import (
+    INERTIAL_KINDS,
+    Array,
+    Parameter,
+    Strings,
+    inertial_unit,
+)
 from identifiability.robot import Axis, Motion, Robot
 from identifiability.robot.closure import tree_motion
 from identifiability.robot.robot import last_bodies
@@ -20,7 +26,7 @@ from .registry import declare
 # Rigid-body dynamics: ten inertial parameters a body, by Pinocchio's joint torque regressor.
 
 
-def _inner_bodies(robot: Robot) -> tuple[str, ...]:
+def _inner_bodies(robot: Robot) -> Strings:
     """Return the bodies that carry others: a wrong last one is a payload."""
     return tuple(b for b in robot.bodies if b not in last_bodies(robot))
 
@@ -107,7 +113,7 @@ class ActuatorInertia(AlongAxes):
         loaded = [a for a in robot.passive_axes if robot.nominal.get(f"{a.name}.{first}")]
         return [*robot.axes, *loaded]
 
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+    def kinds(self, robot: Robot, axis: Axis) -> Strings:
         """Return the parts of a rotor."""
         del axis
         return robot.inertia_parts
@@ -153,7 +159,7 @@ class Payload(Effect):
         self.gravity = None if gravity is None else tuple(map(float, gravity))
 
     @property
-    def texts(self) -> tuple[str, ...]:
+    def texts(self) -> Strings:
         """How a ladder file writes the effect."""
         if self.gravity is None:
             return (self.name,)

@@ -10,7 +10,7 @@ import numpy as np
 
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import without_rounding
-from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.names import Array, Parameter, Strings
 from identifiability.robot import Axis, Motion, Robot
 
 from .effect import (
@@ -55,7 +55,7 @@ class TorqueOffset(AtMotors):
     name = "torque_offset"
     equation = "τ = off"
     units: tuple[tuple[str, str, str], ...] = (("off", "N·m", "N"),)
-    stated_as: tuple[str, ...] = ("offset",)
+    stated_as: Strings = ("offset",)
 
     def curves(self, at: Along) -> list[Array]:
         """Return one everywhere."""
@@ -297,7 +297,7 @@ class FromJoint(Shaped):
         own = robot.motor_joints if len(robot.motor_joints) > 1 else ()
         return [a for a in super().axes(robot) if a.name in own]
 
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+    def kinds(self, robot: Robot, axis: Axis) -> Strings:
         """Return one kind, whose name states the other joint."""
         return (f"{self.units[0][0]}_{robot.joints[self.origin(robot, axis)]}",)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import wraps
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.linalg import without_rounding
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array, NumberByName
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import hold_weight, project, tree_motion
 
@@ -38,7 +38,7 @@ def once(torque: Torque) -> Torque:
     return known
 
 
-def reference_values(robot: Robot) -> Mapping[str, float]:
+def reference_values(robot: Robot) -> NumberByName:
     """Return the standard parameters that give the loads of the robot."""
     if robot.reference:
         return robot.reference

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import cloudpickle
 
 from identifiability.foundation.errors import ModelError, listing, near_match
-from identifiability.foundation.names import Parameter, find_named
+from identifiability.foundation.names import Parameter, Strings, find_named
 from identifiability.robot import Robot
 
 from .effect import Effect, Family, Law, joint_places
@@ -48,7 +48,7 @@ def register(family: Family) -> Family:
 
 
 def declare(
-    title: str, places: Callable[[Robot], tuple[str, ...]] = joint_places, **facts: Any
+    title: str, places: Callable[[Robot], Strings] = joint_places, **facts: Any
 ) -> Callable[[type[E]], type[E]]:
     """Register the family of an effect's class; `facts` are further fields of `Family`.
 
@@ -141,7 +141,7 @@ def title_of(name: str) -> str:
     return name.replace("_", " ")
 
 
-def default_effects(robot: Robot, names: Iterable[str]) -> tuple[str, ...]:
+def default_effects(robot: Robot, names: Iterable[str]) -> Strings:
     """Return the effects of a default model, at the places that the sidecar states.
 
     Effects that the sidecar places stay at those places; so does Coulomb friction with one level or
@@ -203,7 +203,7 @@ def effect_laws() -> Mapping[str, Law]:
     return {name: f.law for name, f in FAMILIES.items() if f.law is not None}
 
 
-def load_plugin(path: str | Path) -> tuple[str, ...]:
+def load_plugin(path: str | Path) -> Strings:
     """Run a Python file that registers effects; return their names.
 
     Raises

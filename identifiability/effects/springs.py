@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.robot import Axis, Robot
 from identifiability.robot.closure import rest_along
 
@@ -111,7 +111,7 @@ class FreeSpring(AlongEveryAxis):
 # Springs and counterweights whose torque goes with the sine of an angle.
 
 
-def _hinges(robot: Robot) -> tuple[str, ...]:
+def _hinges(robot: Robot) -> Strings:
     return tuple(a.name for a in (*robot.axes, *robot.passive_axes) if not a.prismatic)
 
 
@@ -193,12 +193,12 @@ class PositionTorque(Shaped):
     source = "[de Boor 1978; Eilers & Marx 1996]"
     units = (("B", "N·m", "N"),)
 
-    def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
+    def kinds(self, robot: Robot, axis: Axis) -> Strings:
         """Return one for every spline, counted from the lower end."""
         first, last = self.grid(robot, axis)
         return counted(self.units[0][0], last - first + DEGREE)
 
-    def reached(self, robot: Robot, span: Span) -> tuple[str, ...]:
+    def reached(self, robot: Robot, span: Span) -> Strings:
         """Return the pieces that a motion gets to; of the others it says nothing."""
         axis = next(a for a in robot.axes if a.name == span.joint)
         ends = np.array([span.low, span.high]) - self.home(robot, axis)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 from itertools import product
 from typing import Literal
 
-from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, NumberByName, Parameter, Strings
 from identifiability.robot import Robot
 from identifiability.robot.description import FIELDS, name_numbers
 
@@ -36,13 +36,13 @@ def file_kinds(robot: Robot) -> tuple[Kind, Kind]:
     return "urdf", "mjcf"
 
 
-def joint_numbers(kind: Kind) -> tuple[str, ...]:
+def joint_numbers(kind: Kind) -> Strings:
     """Return the attributes that a file format can state of a joint with one degree of freedom."""
     every = ("damping", "frictionloss", "armature", "stiffness")
     return every if kind == "mjcf" else every[:2]
 
 
-def biased_places(robot: Robot, kind: Kind) -> tuple[str, ...]:
+def biased_places(robot: Robot, kind: Kind) -> Strings:
     """Return the joints or actuators with a torque offset in a file format."""
     if kind == "urdf":
         return ()
@@ -70,7 +70,7 @@ def _stated(robot: Robot, families: tuple[Family, ...], kind: Kind) -> tuple[Par
 
 
 def values_in_file(
-    robot: Robot, values: Mapping[str, float], kind: Kind | None = None
+    robot: Robot, values: NumberByName, kind: Kind | None = None
 ) -> dict[str, float]:
     """Return the values that a robot file of a format keeps.
 
@@ -96,12 +96,12 @@ def values_in_file(
     return out
 
 
-def file_values(robot: Robot, values: Mapping[str, float]) -> list[dict[str, float]]:
+def file_values(robot: Robot, values: NumberByName) -> list[dict[str, float]]:
     """Return the values that each file format can store, that of the robot first."""
     return [values_in_file(robot, values, kind) for kind in file_kinds(robot)]
 
 
-def merge_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
+def merge_springs(robot: Robot, values: NumberByName) -> tuple[Robot, dict[str, float]]:
     """Return robot and values with springs of unknown rest as files state them: K and a rest.
 
     With a spring, a constant force or a torque offset shifts the rest position: so it stays when
@@ -134,7 +134,7 @@ def merge_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dic
     return replace(robot, rest=rest), out
 
 
-def convert_asymmetry(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+def convert_asymmetry(robot: Robot, values: NumberByName) -> dict[str, float]:
     """Return values with dry friction that differs by direction as its mean and a torque offset.
 
     So it is where the file of the robot has an actuator that holds one. At rest, too: between
@@ -157,8 +157,8 @@ def _home(robot: Robot, joint: str) -> float:
 
 
 def by_effect(
-    robot: Robot, names: Iterable[str], shapes: Mapping[str, float] | None
-) -> dict[str, tuple[str, ...]]:
+    robot: Robot, names: Iterable[str], shapes: NumberByName | None
+) -> dict[str, Strings]:
     """Return parameters by the titles of the effects that have them; others by themselves.
 
     Parameters
@@ -169,7 +169,7 @@ def by_effect(
         As in `every_parameter`.
     """
     every = every_parameter(robot, shapes)
-    out = dict[str, tuple[str, ...]]()
+    out = dict[str, Strings]()
     for name in names:
         title = FAMILIES[every[name].group].title if name in every else name
         out[title] = (*out.get(title, ()), name)
@@ -185,7 +185,7 @@ def drop_follower_friction(robot: Robot) -> dict[str, float]:
     return {f"{axis.name}.{kind}": 0.0 for axis in robot.passive_axes for kind in kinds}
 
 
-def complete_values(robot: Robot, given: Mapping[str, float], *, keep: bool) -> dict[str, float]:
+def complete_values(robot: Robot, given: NumberByName, *, keep: bool) -> dict[str, float]:
     """Return all nominal values of a robot that has some other ones.
 
     Payloads become part of their bodies. Every Coulomb level is given for both directions together
@@ -209,7 +209,7 @@ def complete_values(robot: Robot, given: Mapping[str, float], *, keep: bool) -> 
     return values
 
 
-def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+def stated_numbers(robot: Robot, values: NumberByName) -> dict[str, dict[str, float]]:
     """Return the numbers that a file states of each joint and each tendon axis, by attribute."""
     every = (*robot.tree.single, *robot.tendon_axes)
     kind = file_kinds(robot)[0]
@@ -222,7 +222,7 @@ def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[
     return out
 
 
-def read_back(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+def read_back(robot: Robot, values: NumberByName) -> dict[str, float]:
     """Return the nominal values that are read from a file with these ones, without a sidecar."""
     out = {f"{b}.{kind}": values[f"{b}.{kind}"] for b in robot.bodies for kind in INERTIAL_KINDS}
     for joint, numbers in stated_numbers(robot, values).items():
@@ -233,9 +233,7 @@ def read_back(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
 # Every parameter that a model of a robot can have, by name.
 
 
-def every_parameter(
-    robot: Robot, shapes: Mapping[str, float] | None = None
-) -> dict[str, Parameter]:
+def every_parameter(robot: Robot, shapes: NumberByName | None = None) -> dict[str, Parameter]:
     """Return every parameter of every effect, by name, at its default places and at all others.
 
     Of two effects with the same parameter the first has it; `Parameter.group` says which.

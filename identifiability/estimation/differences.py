@@ -19,7 +19,7 @@ from typing import cast
 import numpy as np
 
 from identifiability.foundation.linalg import ROUNDOFF, or_one
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, number
@@ -130,7 +130,7 @@ class Differing(Candidate):
         return WORDS.get(self.family.name) or self.family.title
 
     @property
-    def effect_key(self) -> tuple[str, str, tuple[str, ...], str]:
+    def effect_key(self) -> tuple[str, str, Strings, str]:
         """Its effect, whichever rows have it."""
         return self.family.name, self.place, self.kinds, str(self.shape)
 
@@ -268,7 +268,7 @@ class Differences:
     missing: Missing
     information: Information
     known: Known
-    names: tuple[str, ...]
+    names: Strings
     always: Array
     expected: Array | None = None
 
@@ -279,7 +279,7 @@ class Differences:
         lacks: Sequence[Candidate],
         known: Known,
         patterns: Sequence[Array],
-        names: tuple[str, ...] = (),
+        names: Strings = (),
         *,
         warms: bool = False,
         weights: Sequence[Candidate] = (),

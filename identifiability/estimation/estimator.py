@@ -28,7 +28,7 @@ from identifiability.foundation.linalg import (
     triangular_factor,
     unit_coordinates,
 )
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
 from identifiability.regression.information import Information
@@ -75,7 +75,7 @@ class Estimate:
         that stays with it, because noise drowns the motion there; None without instruments.
     """
 
-    columns: tuple[str, ...]
+    columns: Strings
     value: Array
     covariance: Array
     determined: np.ndarray

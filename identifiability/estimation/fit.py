@@ -15,7 +15,7 @@ from scipy.special import fdtrc, ndtr, ndtri, stdtrit
 
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import ROUNDOFF, TINY, sandwich, unit_coordinates
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array, Strings
 from identifiability.foundation.rounding import ENDS, REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -369,7 +369,7 @@ class LeftOut:
 
     sigma: Array
     projected: Array
-    stands_for: tuple[str, ...]
+    stands_for: Strings
     unknown: bool
     disputed: Array
 
@@ -563,7 +563,7 @@ class Fit:
     shared: Mapping[str, Array] = field(default_factory=dict)
     left_out: LeftOut | None = None
     alternatives: LabelAlternatives | None = None
-    excluded: tuple[tuple[str, ...], ...] = ()
+    excluded: tuple[Strings, ...] = ()
 
     @staticmethod
     def of(
@@ -662,7 +662,7 @@ class Fit:
         """Standard deviations of the labelled parameters, (k,)."""
         return np.linalg.norm(list(self.terms.values()), axis=0)
 
-    def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:
+    def why_unjudged(self, rules: Thresholds) -> Strings:
         """Return why a parameter cannot be judged, or "" where it can, (k,).
 
         Parameters

@@ -25,7 +25,7 @@ from identifiability.foundation.linalg import (
     or_one,
     triangular_factor,
 )
-from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.rounding import ENDS, join, state_probability
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -610,7 +610,7 @@ class MissingEffects:
     alone: tuple[float, ...] = ()
 
     @property
-    def functions(self) -> tuple[str, ...]:
+    def functions(self) -> Strings:
         """Titles and places of the named effects."""
         return tuple(describe_term(t) for t in self.ordered)
 
@@ -704,7 +704,7 @@ class LabelAlternatives:
 
     shift: Array
     sigma: Array
-    names: tuple[str, ...]
+    names: Strings
     chance: Array
     change: Array
 

@@ -24,7 +24,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr, ndtri, softmax
 
 from identifiability.foundation.linalg import ROUNDOFF, find_chains, triangular_factor
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen, remember
 from identifiability.regression.information import ActuatorBlocks, Information, factor_each
 
@@ -157,7 +157,7 @@ class Term:
     variance: float
     odds: float
     unseen: float = 0.0
-    places: tuple[str, ...] = (EVERYWHERE,)
+    places: Strings = (EVERYWHERE,)
     rivals: tuple[Term, ...] = ()
 
     @property

@@ -12,7 +12,7 @@ from scipy.special import ndtr
 
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 
@@ -75,7 +75,7 @@ class Verdict:
     unit: str
     value: float
     sigma: float
-    terms: Mapping[str, float]
+    terms: NumberByName
     share: float
     paper_rule: bool
     verdict: Class

@@ -24,7 +24,7 @@ from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
@@ -305,7 +305,7 @@ def load_by_fit(
     return structure
 
 
-def with_loads(structure: Structure, loads: Mapping[str, float]) -> Structure:
+def with_loads(structure: Structure, loads: NumberByName) -> Structure:
     """Return a structure whose loads follow standard parameters."""
     robot = replace(structure.robot, reference=loads)
     # Columns that do not depend on loads have the same groupings.
@@ -371,7 +371,7 @@ def ball(theta: Array, mass: float, length: float) -> Array:
 
 
 def state_mass(
-    robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0, missing: str = ""
+    robot: Robot, parameters: NumberByName, cad_weight: float = 0.0, missing: str = ""
 ) -> str:
     """Return a warning about the total mass of a robot, with its remedy; empty if it is plausible.
 
@@ -409,7 +409,7 @@ def state_mass(
     )
 
 
-def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, Any]]:
+def mass_rows(robot: Robot, parameters: NumberByName) -> list[dict[str, Any]]:
     """Return of each body and of all its mass and the robot file's [kg].
 
     Parameters
@@ -428,7 +428,7 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
     return rows
 
 
-def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
+def total_mass(robot: Robot, parameters: NumberByName) -> float:
     """Return the mass of all moving bodies with their payloads [kg]."""
     return float(sum(row["mass"] for row in mass_rows(robot, parameters)))
 
@@ -477,7 +477,7 @@ def find_larger(
 
 def real_robot_dict(
     structure: Structure,
-    parameters: Mapping[str, float],
+    parameters: NumberByName,
     errors: Sequence[float] = (np.nan,) * 5,
     samples: Sequence[Dataset] = (),
     cad_weight: float = 0.0,
@@ -524,7 +524,7 @@ def real_robot_dict(
 
 
 def _measure_errors(
-    structure: Structure, samples: Sequence[Dataset], values: Mapping[str, float]
+    structure: Structure, samples: Sequence[Dataset], values: NumberByName
 ) -> Sequence[float]:
     """Return ε_RA of a robot, of its values in each file format, and of the nominal ones, (5,).
 

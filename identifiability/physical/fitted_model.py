@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.foundation.linalg import ROUNDOFF, SPAN_TOLERANCE, or_one
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.physical import pseudo_inertia
 from identifiability.regression.information import Information
@@ -63,8 +63,8 @@ class PhysicalSet:
 
     bodies: np.ndarray
     nonnegative: np.ndarray
-    names: tuple[str, ...] = ()
-    columns: tuple[str, ...] = ()
+    names: Strings = ()
+    columns: Strings = ()
     mass: Array = field(default_factory=lambda: np.ones(1))
     length: Array = field(default_factory=lambda: np.full(1, 0.1))
     bounds: tuple[Bound, ...] = ()
@@ -153,7 +153,7 @@ class PhysicalSet:
         return np.array([0.0] * len(self.signed) + [least for _, least in self.bounds])
 
     @cached_property
-    def constraints(self) -> tuple[str, ...]:
+    def constraints(self) -> Strings:
         """Names of the constraints of each body and of each of the m rows, (nb + m,) str."""
         own = [*zip(self.names, self.bodies, strict=True)]
         within = []

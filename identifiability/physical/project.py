@@ -23,7 +23,7 @@ from scipy.linalg.lapack import dposv
 
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.linalg import NEARLY, TINY, find_chains
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 
@@ -66,7 +66,7 @@ class FeasibleEstimate:
     rss: float
     excess: float
     margins: Array
-    active: tuple[str, ...]
+    active: Strings
     accurate: bool
 
 

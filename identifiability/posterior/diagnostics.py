@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.linalg import ROUNDOFF, or_one
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.logs.spectrum import integrate_correlation
 from identifiability.physical.fitted_model import PhysicalSet
@@ -113,7 +113,7 @@ class Convergence:
     ess_bulk: Array
     ess_tail: Array
     tau: Array
-    reasons: tuple[str, ...]
+    reasons: Strings
 
     @property
     def trustworthy(self) -> bool:
@@ -205,9 +205,7 @@ def autocorrelation_time(chains: Array) -> Array:
     return integrate_correlation(covariance / variance)
 
 
-def _reasons(
-    found: Convergence, draws: int, names: Sequence[str], limits: Thresholds
-) -> tuple[str, ...]:
+def _reasons(found: Convergence, draws: int, names: Sequence[str], limits: Thresholds) -> Strings:
     reasons = []
     worst = int(np.argmax(np.nan_to_num(found.rhat, nan=np.inf)))
     rhat = found.rhat[worst]

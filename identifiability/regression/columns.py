@@ -16,7 +16,7 @@ import numpy as np
 from identifiability.effects import Effect, Family, Part, Shaped, Span
 from identifiability.effects.effect import hides, list_entries, measure_spans
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Piece
 from identifiability.logs.signals import TOGETHER
@@ -56,7 +56,7 @@ class Candidate:
     family: Family
     place: str
     shape: float
-    kinds: tuple[str, ...]
+    kinds: Strings
     effect: Effect
     columns: tuple[int, ...]
     positive: bool = False
@@ -172,7 +172,7 @@ def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool)
     return out
 
 
-def _apart(kinds: Sequence[str]) -> list[tuple[str, ...]]:
+def _apart(kinds: Sequence[str]) -> list[Strings]:
     """Group consecutive kinds that differ only in their number."""
     names = groupby(kinds, key=lambda kind: kind.rstrip("0123456789"))
     return [tuple(own) for _, own in names]

@@ -21,7 +21,7 @@ from identifiability.foundation.linalg import (
     find_chains,
     triangular_factor,
 )
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs.prepare.dataset import Dataset
@@ -313,7 +313,7 @@ class Information:
         Rows ``[W τ]`` of no log: what is known of the values beforehand, weighed like noise.
     """
 
-    columns: tuple[str, ...]
+    columns: Strings
     parts: tuple[ActuatorBlocks, ...]
     counts: np.ndarray
     data: np.ndarray

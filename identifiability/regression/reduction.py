@@ -24,7 +24,7 @@ from identifiability.effects.measurement import TorqueOffset
 from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF, or_one
-from identifiability.foundation.names import Array, find_named, is_pattern, specificity
+from identifiability.foundation.names import Array, Strings, find_named, is_pattern, specificity
 from identifiability.foundation.options import Expected
 from identifiability.foundation.quoting import for_toml, toml_comment
 from identifiability.foundation.values import frozen
@@ -210,7 +210,7 @@ def _ladder_of(model: HasLadder | str | Path) -> LadderEntry:
     return model.to_ladder()
 
 
-def free_again(model: ModelLike | None) -> tuple[str, ...]:
+def free_again(model: ModelLike | None) -> Strings:
     """Return the sentence that a model file's reductions were not used, if it has any."""
     submodels = _ladder_of(model).models if isinstance(model, (HasLadder, str, Path)) else []
     if len(submodels) <= 1 and not any((r.zero or r.hold or r.tie or r.keep) for r in submodels):
@@ -306,9 +306,9 @@ class Submodel:
 
     name: str
     description: str
-    columns: tuple[str, ...]
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
+    columns: Strings
+    labels: Strings
+    units: Strings
     M: Array
     fixed: Array
     nonnegative: np.ndarray

@@ -5,7 +5,7 @@ A regression has a `Part` for each log, or each stretch of a long one, computed 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Annotated, Any
@@ -19,7 +19,7 @@ from identifiability.effects.inertia import RigidBody
 from identifiability.effects.registry import split_places
 from identifiability.foundation.engines import Engine, Result, Serial, Steps
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.names import Array, NumberByName, Parameter, Strings
 from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.stages import Stages
@@ -52,7 +52,7 @@ class Model:
     """
 
     effects: tuple[Effect, ...]
-    random: Mapping[str, float] = field(default_factory=dict)
+    random: NumberByName = field(default_factory=dict)
 
     @staticmethod
     @checked
@@ -87,7 +87,7 @@ class Model:
         return self.with_effects([effect])
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> Strings:
         """Names of the effects."""
         return tuple(e.name for e in self.effects)
 
@@ -98,7 +98,7 @@ class Model:
         return robot
 
     @property
-    def texts(self) -> tuple[str, ...]:
+    def texts(self) -> Strings:
         """The effects as a ladder file writes them, and `of` reads them."""
         return tuple(text for e in self.effects for text in e.texts)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
@@ -25,7 +25,14 @@ from identifiability.foundation.linalg import (
     scan_columns,
     triangular_factor,
 )
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, Parameter
+from identifiability.foundation.names import (
+    GROUPED_KINDS,
+    INERTIAL_KINDS,
+    Array,
+    NumberByName,
+    Parameter,
+    Strings,
+)
 from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
@@ -95,17 +102,17 @@ class BaseParameters:
         return last, round(dropped, 12)  # values below are rounding
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> Strings:
         """Names of the kept parameters."""
         return tuple(self.parameters[k].name for k in self.kept)
 
     @cached_property
-    def units(self) -> tuple[str, ...]:
+    def units(self) -> Strings:
         """Units of the kept parameters."""
         return tuple(self.parameters[k].unit for k in self.kept)
 
     @property
-    def without_effect(self) -> tuple[str, ...]:
+    def without_effect(self) -> Strings:
         """Standard parameters that never change the torque."""
         idle = ~np.any(np.abs(self.G) > SPAN_TOLERANCE, axis=0)
         return tuple(p.name for p, i in zip(self.parameters, idle, strict=True) if i)
@@ -128,7 +135,7 @@ class BaseParameters:
         return text
 
     @cached_property
-    def labels(self) -> tuple[str, ...]:
+    def labels(self) -> Strings:
         """Labels of all groups."""
         return tuple(self.label(row) for row in range(len(self)))
 
@@ -329,7 +336,7 @@ class Structure:
         return self.base.G
 
     @cached_property
-    def columns(self) -> tuple[str, ...]:
+    def columns(self) -> Strings:
         """Names of the p standard parameters."""
         return tuple(p.name for p in self.parameters)
 
@@ -465,7 +472,7 @@ def mimic_springs(structure: Structure) -> dict[str, Array]:
     return found
 
 
-def list_asked_effects(structure: Structure) -> tuple[str, ...]:
+def list_asked_effects(structure: Structure) -> Strings:
     """Return the effects of a model, without the torque offsets that `count_offsets` added."""
     texts = structure.model.texts
     rest = tuple(text for text in texts if text.partition("@")[0] != TorqueOffset.name)
@@ -493,11 +500,11 @@ class OfStructure:
         return self.structure.base
 
     @property
-    def effects(self) -> tuple[str, ...]:
+    def effects(self) -> Strings:
         """Effects of the unpruned model, as a ladder file writes them."""
         return self.structure.model.texts
 
     @property
-    def shapes(self) -> Mapping[str, float]:
+    def shapes(self) -> NumberByName:
         """Shapes of the model's effects by ``<joint>.<effect>``."""
         return self.structure.shapes

@@ -31,6 +31,7 @@ from identifiability.foundation.names import (
     BASE,
     INERTIAL_KINDS,
     Array,
+    NumberByName,
     Renames,
     find_named,
     is_pattern,
@@ -324,7 +325,7 @@ class MeasuredTorque(Strict):
         known = {name: {"": 1.0, **self.table(name)} for name in ("gain", "ratio")}
         return self.model_copy(update=known)
 
-    def scaled_gains(self, factors: Mapping[str, float]) -> dict[str, float]:
+    def scaled_gains(self, factors: NumberByName) -> dict[str, float]:
         """Return gains for the sidecar: the stated ones of some columns, times factors.
 
         A gain that the sidecar states for all columns stays that of the others.

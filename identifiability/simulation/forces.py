@@ -12,7 +12,7 @@ import numpy as np
 
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 from identifiability.foundation.linalg import without_rounding
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array, NumberByName, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Robot
@@ -30,7 +30,7 @@ from .mujoco_robot import MujocoRobot, RigidTorque
 _SPRINGS = ("k", "kq0", "ks", "kc", "F0")
 
 
-def both_directions(parameters: Mapping[str, float]) -> dict[str, float]:
+def both_directions(parameters: NumberByName) -> dict[str, float]:
     """Return parameters with a Coulomb level for each direction, instead of one for both."""
     out = dict(parameters)
     for name, value in parameters.items():
@@ -64,10 +64,10 @@ class JointTerms:
     inertia: float
     stiffness: float
     offset: float
-    loose: Mapping[str, float] = field(default_factory=dict)
+    loose: NumberByName = field(default_factory=dict)
 
     @staticmethod
-    def of(values: Mapping[str, float], name: str, inertia_parts: tuple[str, ...]) -> JointTerms:
+    def of(values: NumberByName, name: str, inertia_parts: Strings) -> JointTerms:
         """Return the terms of a joint from parameter values by name; missing values are zero."""
 
         def of(kind: str, default: float = 0.0) -> float:
@@ -114,7 +114,7 @@ class JointTerms:
         return k * position - pull + swing + constant
 
 
-def left_out(robot: Robot) -> tuple[str, ...]:
+def left_out(robot: Robot) -> Strings:
     """Return nominal values of joints, motors, axes and loads that no simulation here has."""
     known = {"Fv", "Fc", "Fc+", "Fc-", "K", "off", *robot.inertia_parts, *INERTIAL_KINDS, *_SPRINGS}
     return tuple(n for n, x in robot.nominal.items() if x and n.rpartition(".")[2] not in known)
@@ -130,7 +130,7 @@ def stribeck(speed: Array, excess: float, velocity: float, shape: float = 1.0) -
 
 
 def joint_torque(
-    robot: Robot, move: PrescribedMotion, rigid: RigidTorque, values: Mapping[str, float]
+    robot: Robot, move: PrescribedMotion, rigid: RigidTorque, values: NumberByName
 ) -> Array:
     """Return torque of friction, rotors, springs and known curves at every joint and motor, (N, n).
 
@@ -289,7 +289,7 @@ class Hidden:
 
     name: str
     share: float
-    joints: tuple[str, ...] = ()
+    joints: Strings = ()
     law: Law | None = None
 
 

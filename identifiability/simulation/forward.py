@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array, NumberByName
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Robot
 from identifiability.robot.closure import rest_along
@@ -80,7 +80,7 @@ def mixed_axes(robot: Robot) -> dict[str, dict[str, float]]:
     return {a.name: dict(a.weights) for a in robot.axes if a.mixed}
 
 
-def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | None) -> Any:
+def compile_forward(robot: Robot, values: NumberByName, servo: Servo | None) -> Any:
     """Return the MuJoCo model of a robot with other bodies, without looks and contacts.
 
     Parameters
@@ -128,7 +128,7 @@ def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | No
     return model
 
 
-def _set_bodies(model: Any, robot: Robot, values: Mapping[str, float]) -> None:
+def _set_bodies(model: Any, robot: Robot, values: NumberByName) -> None:
     """Set the inertial values of moving bodies, each with all bodies that are fixed to it."""
     bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
     for body, theta in share_out(robot, bodies).items():
@@ -246,9 +246,7 @@ class ForwardRobot:
         If MuJoCo refuses the robot, or a joint follows others in a way that it does not have.
     """
 
-    def __init__(
-        self, robot: Robot, parameters: Mapping[str, float], servo: Servo | None = None
-    ) -> None:
+    def __init__(self, robot: Robot, parameters: NumberByName, servo: Servo | None = None) -> None:
         self.robot = robot
         values = {**robot.nominal, **both_directions(parameters)}
         parts = robot.inertia_parts
@@ -303,7 +301,7 @@ class ForwardRobot:
         return full[: self.model.nq], slope[: self.model.nv]
 
     @quiet()
-    def _set_joints(self, joints: Mapping[str, Mapping[str, float]]) -> None:
+    def _set_joints(self, joints: Mapping[str, NumberByName]) -> None:
         """Set friction, rotors and springs."""
         model = self.model
         cables = {cable.name for cable in self.robot.cables}

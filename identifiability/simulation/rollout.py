@@ -25,7 +25,7 @@ from mujoco import rollout
 
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs import Log, signals
@@ -108,7 +108,7 @@ class ServoPlaces:
             getattr(model, f"{kind}_{word}")[self.index[own]] = values[own]
 
 
-def _check_branch(robot: Robot, model: Any, name: str, arms: Mapping[str, float]) -> None:
+def _check_branch(robot: Robot, model: Any, name: str, arms: NumberByName) -> None:
     """Refuse a tendon along joints of two branches, whose inertia MuJoCo does not have."""
     dofs = [int(model.joint(joint).dofadr[0]) for joint in arms]
     before = set[int]()
@@ -143,9 +143,7 @@ class CommandedRobot:
         If it has loops, or no servos.
     """
 
-    def __init__(
-        self, robot: Robot, parameters: Mapping[str, float], servo: Servo | None = None
-    ) -> None:
+    def __init__(self, robot: Robot, parameters: NumberByName, servo: Servo | None = None) -> None:
         servo = servo or robot.servo
         if servo is None:
             raise RobotError(f"{robot.path} {NO_SERVO}")
@@ -189,7 +187,7 @@ class CommandedRobot:
         names = compress(robot.joints, ~own)
         self.offset[~own] = [lines[tendons.index(j)] for j in names]
 
-    def resized(self, sizes: Mapping[str, float]) -> CommandedRobot:
+    def resized(self, sizes: NumberByName) -> CommandedRobot:
         """Return the robot with bodies of scaled mass and inertia."""
         other = copy(self)
         other.model = copy(self.model)
@@ -525,7 +523,7 @@ def _seen_rows(dt: float, count: int) -> int:
     return min(2 * half + 1, (count - 1) // 2 * 2 + 1)
 
 
-def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float) -> Array:
+def drive(robot: Robot, parameters: NumberByName, log: Log, window: float) -> Array:
     """Return positions by measured torque, (N, n).
 
     The simulation restarts from the measured state every `window` [s]. The last restart is one

@@ -10,7 +10,7 @@ import numpy as np
 
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.linalg import filter_from_rest
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.options import Expected, Names, Rng, Seed, check_fields, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -139,7 +139,7 @@ def simulate(
     noise: NoiseLike | None = None,
     hide: Names = (),
     laws: Mapping[str, Callable[..., Any]] | None = None,
-    parameters: Mapping[str, float] | None = None,
+    parameters: NumberByName | None = None,
     rng: Rng | None = None,
     derivatives: bool = True,
     seed: Seed = 0,
@@ -244,7 +244,7 @@ class Campaign:
     def of(
         robot: Robot,
         motions: Sequence[PrescribedMotion | Trajectory],
-        parameters: Mapping[str, float] | None = None,
+        parameters: NumberByName | None = None,
     ) -> Campaign:
         """Compute the torque along some motions once."""
         moves = [m if isinstance(m, PrescribedMotion) else PrescribedMotion.of(m) for m in motions]
