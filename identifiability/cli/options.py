@@ -43,6 +43,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import OutputError, near_match
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import Strings
 from identifiability.foundation.options import (
     Count,
     Derivatives,
@@ -136,7 +137,7 @@ class Records:
 class Writes:
     """Marks an option as a file that is written, with its endings; without any, as a folder."""
 
-    endings: tuple[str, ...]
+    endings: Strings
 
     def __init__(self, *endings: str) -> None:
         object.__setattr__(self, "endings", endings)
@@ -772,7 +773,7 @@ class Place:
     table: ClassVar[str] = "run"
 
     #: A cluster sends objects that may run code, so no sidecar names it.
-    typed: ClassVar[tuple[str, ...]] = ("scheduler",)
+    typed: ClassVar[Strings] = ("scheduler",)
 
     workers: Count | None = None
     scheduler: str | None = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Cell, Note, Table
 from identifiability.foundation.findings import of_key
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array, NumberByName
 from identifiability.foundation.rounding import REACH, format_count, format_number, join
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
@@ -309,7 +308,7 @@ def section_profiles(analysis: Analysis) -> Section:
     return section("analysis.profiles", gallery("profiles", curves), limit=REACH**2)
 
 
-def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
+def mass_table(robot: Robot, parameters: NumberByName) -> Table | None:
     """Return the identified masses of bodies and those of the robot file; nothing without masses.
 
     Parameters

@@ -19,7 +19,7 @@ from matplotlib.ticker import MaxNLocator
 
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import format_count, format_number
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
@@ -32,7 +32,7 @@ from .figures import break_gaps, name_torque, peak_rows, svg
 class Prose:
     """Paragraphs."""
 
-    paragraphs: tuple[str, ...]
+    paragraphs: Strings
 
 
 @frozen
@@ -184,7 +184,7 @@ class Moving:
     tips: tuple[int, ...]
     ground: tuple[Array, ...]
     joints: int
-    told: tuple[tuple[str, ...], ...]
+    told: tuple[Strings, ...]
     size: tuple[int, int]
     caption: str = ""
     torque: Trace | None = None

@@ -18,7 +18,7 @@ import numpy as np
 from identifiability.effects import title_of
 from identifiability.foundation.answers import Column, Note
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.names import Strings, shorten_paths
 from identifiability.foundation.quoting import for_svg
 from identifiability.foundation.rounding import (
     NONE,
@@ -299,7 +299,7 @@ def _section_gap(d: Diagnosis) -> Section:
     return section("diagnosis.gap", d.tables()[-1], zoom)
 
 
-def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
+def section_forward(gap: ForwardGap, joints: Strings) -> Section:
     """Return the section on simulated motion before and after the named effects."""
     horizon = gap.horizon
     if not gap.measured:

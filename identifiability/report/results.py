@@ -25,7 +25,7 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, ModelError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, explain_combination, name_estimates
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.output import check_ending, write_text
 from identifiability.foundation.quoting import for_html
 from identifiability.foundation.result import Result, by_name
@@ -453,7 +453,7 @@ class KeptResult(Result):
         return tuple(Finding(f.pop("key"), f.pop("subject"), **f) for f in known)
 
     @property
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> Strings:
         """Findings that change a decision."""
         return tuple(self.content["warnings"])
 
@@ -577,6 +577,6 @@ def build_datatree(result: Analysis) -> DataTree:
     return tree
 
 
-def _walkers(chains: Array, of: str) -> tuple[tuple[str, ...], Array]:
+def _walkers(chains: Array, of: str) -> tuple[Strings, Array]:
     """Walkers of all ensembles as chains: (E, K, N, m) → (E K, N, m)."""
     return ("chain", "draw", of), chains.reshape(-1, *chains.shape[2:])

@@ -8,14 +8,13 @@ time at which each command arrived is found.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import scipy
 
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Preparation, prepare_log
@@ -41,7 +40,7 @@ def move_commands(
     structure: Structure,
     log: Log,
     delay: float | None,
-    values: Mapping[str, float],
+    values: NumberByName,
     how: Preparation,
     rng: np.random.Generator,
 ) -> tuple[Log, float]:

@@ -9,13 +9,12 @@ those of the log (calibrated instrumental variables).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.logs import Log
 from identifiability.logs.log import bridge_gaps
 from identifiability.logs.prepare import Preparation, prepare_log
@@ -66,7 +65,7 @@ def calibrate_torque(
     structure: Structure,
     log: Log,
     delay: float | None,
-    values: Mapping[str, float],
+    values: NumberByName,
     how: Preparation,
     rng: np.random.Generator,
 ) -> Log:
@@ -165,7 +164,7 @@ class Recording(NamedTuple):
 
 
 def prepare_recording(
-    structure: Structure, log: Log, values: Mapping[str, float], how: Preparation
+    structure: Structure, log: Log, values: NumberByName, how: Preparation
 ) -> Recording:
     """Return a recorded motion with its residual torque."""
     robot = structure.robot

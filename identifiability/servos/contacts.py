@@ -6,14 +6,14 @@ command is much further away than where the joint usually lets go, something els
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import First, Progress
@@ -35,7 +35,7 @@ FURTHER: Tolerance = 2.25
 def fit_unblocked(
     robot: Robot,
     logs: Sequence[Log],
-    shares: Mapping[str, float],
+    shares: NumberByName,
     say: Progress,
     first: First | None,
 ) -> Rollouts:
@@ -79,7 +79,7 @@ def move_by_rollouts(robot: Robot, found: Rollouts) -> CommandedRobot:
 
 
 def leave_out_blocked(
-    robot: Robot, values: Mapping[str, float], logs: Sequence[Log]
+    robot: Robot, values: NumberByName, logs: Sequence[Log]
 ) -> tuple[list[Log], list[Finding]]:
     """Return logs in which joints that something else holds are no data, and their findings.
 

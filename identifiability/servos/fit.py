@@ -7,7 +7,7 @@ determine that factor.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from operator import itemgetter
@@ -16,6 +16,7 @@ import numpy as np
 
 from identifiability.effects.vocabulary import drop_follower_friction
 from identifiability.estimation.rules import RULES
+from identifiability.foundation.names import NumberByName
 from identifiability.foundation.runs import First, Progress, quiet
 from identifiability.logs import Log
 from identifiability.robot import Robot
@@ -34,7 +35,7 @@ from .windows import Window, cut_windows, thin_windows
 def fit_rollouts(
     robot: Robot,
     logs: Sequence[Log],
-    shares: Mapping[str, float],
+    shares: NumberByName,
     delay: float | None = None,
     say: Progress = quiet,
     first: First | None = None,
@@ -206,9 +207,7 @@ def _numbers_of(problem: RolloutProblem, joints: np.ndarray) -> np.ndarray:
     return np.concatenate([problem.at(kind)[joints] for kind in KINDS])
 
 
-def follows_better(
-    robot: Robot, logs: Sequence[Log], found: Rollouts, other: Mapping[str, float]
-) -> bool:
+def follows_better(robot: Robot, logs: Sequence[Log], found: Rollouts, other: NumberByName) -> bool:
     """Return whether the numbers of rollouts follow their logs better than other parameters.
 
     The sum over the joints of the logarithm of their error counts.

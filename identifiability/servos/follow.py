@@ -6,7 +6,7 @@ are first found from rollouts, which differentiate nothing. Then the torque is c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.runs import First, Progress
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -250,7 +250,7 @@ def _calibrate(
     structure: Structure,
     servos: IdentifiedServos,
     at: Sequence[int],
-    shares: Mapping[str, float],
+    shares: NumberByName,
     how: Preparation,
     rng: np.random.Generator,
 ) -> Recordings:

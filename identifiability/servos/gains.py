@@ -7,14 +7,14 @@ robot file's, or single bodies that its sidecar states (``[prior_share]``, ``[pr
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.rounding import REACH, percent
 from identifiability.foundation.runs import First, Progress
 from identifiability.logs import Log
@@ -77,9 +77,7 @@ def with_numbers(servo: Servo, found: Rollouts) -> Servo:
     return replace(servo.having(found.numbers), source=FOUND, doubt=doubt)
 
 
-def state_gains(
-    robot: Robot, names: Sequence[str], found: Rollouts, shares: Mapping[str, float]
-) -> str:
+def state_gains(robot: Robot, names: Sequence[str], found: Rollouts, shares: NumberByName) -> str:
     """Return sentences on the gains that were found, and on the source of their scale.
 
     Parameters

@@ -14,7 +14,7 @@ import numpy as np
 
 from identifiability.effects.vocabulary import drop_follower_friction
 from identifiability.foundation.linalg import or_one
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array, NumberByName
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import remember
 from identifiability.logs import Log, signals
@@ -67,7 +67,7 @@ class RolloutProblem:
         windows: Sequence[Window],
         free: np.ndarray,
         delay: float | None = None,
-        shares: Mapping[str, float] | None = None,
+        shares: NumberByName | None = None,
     ) -> None:
         self.machine = machine
         #: Robots by which joints integrate, because their models are built anew.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.values import frozen
 
 #: Kinds of numbers of each joint: rotor, viscous and dry friction, offset; play of the gear, limit
@@ -48,7 +48,7 @@ class Rollouts:
     """
 
     numbers: Mapping[str, Array]
-    parameters: Mapping[str, float]
+    parameters: NumberByName
     delays: Array
     errors: Array
     missed: Array

@@ -35,6 +35,7 @@ from identifiability.estimation.search import find_missing
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.linalg import ROUNDOFF, or_one
+from identifiability.foundation.names import Strings
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.quoting import for_toml
 from identifiability.foundation.rounding import measured
@@ -188,14 +189,14 @@ class Data(OfStructure):
     samples: tuple[Dataset, ...]
     validation: tuple[Dataset, ...]
     regression: Regression
-    hints: tuple[str, ...]
+    hints: Strings
     reading: Reading | None = None
     explained: bool = False
     misread: str = ""
     lacked: MissingEffects | None = None
     completed: tuple[Share, ...] = ()
 
-    def remarks(self, fitted: Measured) -> tuple[str, ...]:
+    def remarks(self, fitted: Measured) -> Strings:
         """Return the findings, with one on errors of measurement that the model got."""
         if not self.completed:
             return self.hints
@@ -919,7 +920,7 @@ def gather_data(
     return data
 
 
-def _tell_motion(how: Preparation) -> tuple[str, ...]:
+def _tell_motion(how: Preparation) -> Strings:
     """Return the reason why the motion is a series, if that was chosen."""
     if isinstance(how, CommonPreparation) and how.reason:
         return (how.reason,)

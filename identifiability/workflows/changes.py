@@ -27,7 +27,7 @@ from identifiability.estimation.mixed_model import (
 )
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
@@ -70,7 +70,7 @@ def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
     A load has either the parameters that its weight determines, or all ten. Both are candidates.
     """
     rigid = FAMILIES["rigid_body"].effect
-    loads: tuple[tuple[str, ...], ...] = (WEIGHT, INERTIAL_KINDS)
+    loads: tuple[Strings, ...] = (WEIGHT, INERTIAL_KINDS)
     found = [(FAMILIES["payload"], rigid, body, kinds) for body in bodies for kinds in loads]
     for family in find_families(DIFFERING):
         for place, own in groupby(family.effect.parameters(robot), lambda p: p.owner):
@@ -249,8 +249,8 @@ class Change:
     what: str
     place: str
     log: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
+    names: Strings
+    units: Strings
     sizes: Array
     covariance: Array
     odds: float
@@ -258,7 +258,7 @@ class Change:
     seconds: float = np.nan
     course: tuple[Change, ...] = ()
     gradual: bool = False
-    others: tuple[str, ...] = ()
+    others: Strings = ()
     before: Array = field(default_factory=lambda: np.empty(0))
     before_sd: Array = field(default_factory=lambda: np.empty(0))
     share: float = np.nan
@@ -429,7 +429,7 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
     return tuple(_join_steps(ordered, names[: found.later]))
 
 
-def list_lacks(found: Differences, terms: Terms) -> tuple[str, ...]:
+def list_lacks(found: Differences, terms: Terms) -> Strings:
     """Return the effects among terms that act in all logs: the model lacks them."""
     return tuple(describe_term(t) for t in terms if not found.whose(t).pattern)
 

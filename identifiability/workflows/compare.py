@@ -13,7 +13,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, name_estimates
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
@@ -99,13 +99,13 @@ class Comparison(OfStructure, Result):
 
     structure: Structure
     submodel: Submodel
-    before: tuple[str, ...]
-    after: tuple[str, ...]
-    days: tuple[str, ...]
+    before: Strings
+    after: Strings
+    days: Strings
     changes: tuple[Change, ...]
     limits: tuple[Unchanged, ...]
-    lacks: tuple[str, ...]
-    hints: tuple[str, ...]
+    lacks: Strings
+    hints: Strings
     preparation: Preparation
     motion: Motion
     torque: DifferentTorque

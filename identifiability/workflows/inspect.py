@@ -18,7 +18,7 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml
@@ -140,12 +140,12 @@ def _describe_joint(robot: Robot, dof: int, kind: str) -> JointFact:
     return JointFact(name, kind, role, unit, remark, *known)
 
 
-def required_columns(names: Sequence[str], torque: str = "tau") -> tuple[str, ...]:
+def required_columns(names: Sequence[str], torque: str = "tau") -> Strings:
     """Return the columns that a log must have, of joints or of motors."""
     return ("t", *(f"{name}.{kind}" for name in names for kind in ("q", torque)))
 
 
-def robot_columns(robot: Robot) -> tuple[str, ...]:
+def robot_columns(robot: Robot) -> Strings:
     """Return the columns that a log of a robot must have; servos need commands instead of torque.
 
     A floating base also needs the columns of its sensor.
@@ -222,10 +222,10 @@ class Record:
     name: str
     path: str
     sha256: str
-    channels: tuple[str, ...]
+    channels: Strings
     clock: Mapping[str, Any]
     joints: pd.DataFrame
-    notes: tuple[str, ...]
+    notes: Strings
     t: Array
     q: Array
     tau: Array
@@ -350,17 +350,17 @@ class Inspection(OfStructure, Result):
     joints: tuple[JointFact, ...]
     needs: tuple[Need, ...]
     records: tuple[Record, ...] = ()
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
     preparation: Preparation = Preparation()
 
     @property
-    def columns(self) -> tuple[str, ...]:
+    def columns(self) -> Strings:
         """The columns that a log must have."""
         return robot_columns(self.robot)
 
     @property
-    def motors(self) -> tuple[str, ...]:
+    def motors(self) -> Strings:
         """Motors whose columns a log may have instead of those of the joints."""
         transmission = self.robot.transmission
         if transmission is None:

@@ -28,7 +28,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml
@@ -103,7 +103,7 @@ class LoadEstimate:
     covariance: Array
     root: Array
     unknown: Array
-    lacks: tuple[str, ...]
+    lacks: Strings
     changes: tuple[Change, ...]
     torque: DifferentTorque
 
@@ -465,8 +465,8 @@ class Load(Result):
     robot: Robot
     body: str
     model: str
-    logs: tuple[str, ...]
-    without: tuple[str, ...]
+    logs: Strings
+    without: Strings
     estimate: LoadEstimate
     motion: Motion
     parameters: Array
@@ -475,7 +475,7 @@ class Load(Result):
     scale: TorqueScale
     gains: tuple[Quantity, ...] = ()
     known: float | None = None
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     fit: Fit | None = None
 
     @property
@@ -512,7 +512,7 @@ class Load(Result):
 
     @property
     @presented
-    def caveats(self) -> tuple[str, ...]:
+    def caveats(self) -> Strings:
         """Reasons to doubt the answer, each with a remedy."""
         raise NotImplementedError
 

@@ -26,7 +26,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
-from identifiability.foundation.names import BASE, Array, Strings
+from identifiability.foundation.names import BASE, Array, NumberByName, Strings
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result, by_name
@@ -69,7 +69,7 @@ DRIFTS = "function_of_session_time"
 MOTION = Use(divides=False, commands=False, motion_alone=True)
 
 
-def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
+def state_missing(functions: Sequence[str]) -> Strings:
     """Return the remark on the values of a fit whose model lacks functions, if any."""
     if functions:
         return (phrase("result.missing", "says", functions=list(functions)),)
@@ -143,7 +143,7 @@ class TorquePrediction(Result):
     schema: ClassVar[str] = "identifiability/prediction/1"
 
     fit: Fit
-    logs: tuple[str, ...]
+    logs: Strings
     log: np.ndarray
     measured: tuple[bool, ...]
     t: Array
@@ -156,8 +156,8 @@ class TorquePrediction(Result):
     known: np.ndarray
     errors: Prediction
     motion: Motion
-    notes: Mapping[str, tuple[str, ...]]
-    hints: tuple[str, ...] = ()
+    notes: Mapping[str, Strings]
+    hints: Strings = ()
     lacking: Array | float = 0.0
     noise: Array | float = np.nan
     motors: Strings = ()
@@ -414,14 +414,14 @@ class Fit(Keyed, Predicts):
     base_unknown: Array
     offsets: Array
     origin: str = "the result"
-    missing: tuple[str, ...] = ()
+    missing: Strings = ()
     sides: tuple[Strings, Strings] = ((), ())
     worse: bool = False
     alternatives: Array | float = 0.0
     servo: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     reading: CarriedReading | None = None
     began: float | None = None
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
 
     @property
     def fit(self) -> Fit:
@@ -434,7 +434,7 @@ class Fit(Keyed, Predicts):
         return self.structure.robot
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> Strings:
         """Names of the parameters."""
         return self.submodel.columns
 
@@ -758,13 +758,13 @@ class RolloutEntry(Entry):
     """Position errors of rollouts by commands, and the servo numbers that were found."""
 
     statement: str
-    logs: tuple[str, ...]
+    logs: Strings
     delays: tuple[float, ...]
     error: float | None = None
     error_file: float | None = None
     gains: dict[str, dict[str, float]] = {}
     slide: dict[str, float] = {}
-    standing: tuple[str, ...] = ()
+    standing: Strings = ()
 
     def apply(self, servo: Servo, joints: Sequence[str]) -> Servo:
         """Return servos with the gains, and the build-up of friction, that logs determined."""
@@ -824,7 +824,7 @@ class ResultEntry(Entry):
     physical: RealEntry = RealEntry()
     errors: ErrorsEntry = ErrorsEntry()
     parameters: tuple[dict[str, Any], ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: Strings = ()
     missing_functions: tuple[dict[str, Any], ...] = ()
     rollout: RolloutEntry | None = None
     bending: BendingEntry = BendingEntry()
@@ -837,7 +837,7 @@ class ResultEntry(Entry):
         return frozenset(self.provenance.get(f"sha256 {path}", "") for path in paths)
 
     @property
-    def missing(self) -> tuple[str, ...]:
+    def missing(self) -> Strings:
         """Functions of a joint's motion or load that are missing."""
         return tuple(f"{f['of']} in {f['joint']}" for f in self.missing_functions)
 
@@ -1014,7 +1014,7 @@ def _keep_standing(robot: Robot, content: ResultEntry) -> tuple[ResultEntry, dic
     return content.model_copy(update={"parameters": rows}), kept
 
 
-def _settle(robot: Robot, standing: Sequence[str], values: Mapping[str, float]) -> dict[str, float]:
+def _settle(robot: Robot, standing: Sequence[str], values: NumberByName) -> dict[str, float]:
     """Return rotors and friction of standing joints of which the file states none."""
     from identifiability.servos import settle_joints  # noqa: PLC0415 - MuJoCo
     from identifiability.simulation.rollout import CommandedRobot  # noqa: PLC0415 - MuJoCo
@@ -1110,7 +1110,7 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
 
 
 #: A robot, its name, and standard parameters that replace its own.
-Machine: TypeAlias = tuple[Robot, str, Mapping[str, float]]
+Machine: TypeAlias = tuple[Robot, str, NumberByName]
 #: Length of the windows after which a motion restarts from the measured state [s].
 WINDOW: Tolerance = 1.0
 
@@ -1169,7 +1169,7 @@ class PositionPrediction(Result):
     robot: Robot
     logs: tuple[Log, ...]
     runs: tuple[Simulated, ...]
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     unseen: bool = True
     origin: str = ""
     sides: tuple[Strings, Strings] = ((), ())
@@ -1314,7 +1314,7 @@ class PositionPrediction(Result):
 
 
 def move_fitted(
-    robot: Robot, values: Mapping[str, float], logs: Recordings, beside: bool = False
+    robot: Robot, values: NumberByName, logs: Recordings, beside: bool = False
 ) -> PositionPrediction | None:
     """Return how the robot of the file and the fitted one move by commands of unseen logs.
 
@@ -1482,7 +1482,7 @@ def _file_name(robot: Robot) -> str:
 
 
 def _move(
-    robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log], known: Any = None
+    robot: Robot, name: str, values: NumberByName, logs: Sequence[Log], known: Any = None
 ) -> Simulated:
     """Return the motion of a robot with some values along logs, with the delay of each."""
     from identifiability.servos import forgotten, rms_of_judged, roll_delayed  # noqa: PLC0415 - MuJoCo

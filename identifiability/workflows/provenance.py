@@ -8,7 +8,7 @@ from hashlib import sha256
 from importlib import metadata
 
 from identifiability.foundation import __version__
-from identifiability.foundation.names import PART
+from identifiability.foundation.names import PART, Strings
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import LadderSource
@@ -62,7 +62,7 @@ def _find_version(package: str) -> str:
         return "not installed"
 
 
-def given_paths(logs: Iterable[Log | Dataset]) -> tuple[str, ...]:
+def given_paths(logs: Iterable[Log | Dataset]) -> Strings:
     """Return the paths of logs as they were given, and the names of logs in memory."""
     # A part of a log in memory bears the name of the log, as a part of a file bears its path.
     named = [log for log in logs if not log.drives_alone]

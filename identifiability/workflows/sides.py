@@ -6,7 +6,7 @@ model. `find_loads` returns the loads that only held-out logs have, and `report_
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +30,7 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF, or_one, triangular_factor
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -72,7 +72,7 @@ class Sides:
         return [s.name for s in self.samples]
 
     @property
-    def paths(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    def paths(self) -> tuple[Strings, Strings]:
         """Paths of the logs of each side."""
         paths = given_paths(self.samples)
         return paths[: self.count], paths[self.count :]
@@ -104,7 +104,7 @@ class Sides:
         return seen, pooled_values(X, y, submodel.M, submodel.fixed)
 
 
-def list_days(samples: Sequence[Dataset], began: float | None) -> tuple[str, ...]:
+def list_days(samples: Sequence[Dataset], began: float | None) -> Strings:
     """Return the day on which each log began (UTC), as 2026-03-31; empty without their session."""
     if began is None:
         return ("",) * len(samples)
@@ -209,7 +209,7 @@ def find_changes(
     return found, terms
 
 
-def carry_loads(sides: Sides, seen: Excerpt, loads: Sequence[Mapping[str, float]]) -> Excerpt:
+def carry_loads(sides: Sides, seen: Excerpt, loads: Sequence[NumberByName]) -> Excerpt:
     """Return rows whose load-dependent columns have the loads that logs carry.
 
     Friction that grows with the load of a joint would pass for a wrong gain of its torque.
@@ -232,7 +232,7 @@ def carry_loads(sides: Sides, seen: Excerpt, loads: Sequence[Mapping[str, float]
     return replace(seen, X=X)
 
 
-def _columns_under(sides: Sides, load: Mapping[str, float]) -> Array:
+def _columns_under(sides: Sides, load: NumberByName) -> Array:
     """Return the columns (N, n, b) of all rows for a robot that carries a load."""
     robot = sides.regression.robot
     values = reference_values(robot)

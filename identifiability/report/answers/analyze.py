@@ -22,7 +22,7 @@ from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import of_key
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
@@ -179,7 +179,7 @@ class LadderedPresenter(PredictingPresenter):
         line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", use)
         return [command("predict", line)]
 
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> Strings:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
         result = self.result
         if result.nothing:
@@ -193,7 +193,7 @@ class LadderedPresenter(PredictingPresenter):
         contradicted = state_contradicted(result.fit, result.full.submodel, *known, missing)
         return (*super().warnings(), *self._uneven_logs(), *contradicted)
 
-    def _uneven_logs(self) -> tuple[str, ...]:
+    def _uneven_logs(self) -> Strings:
         """Return which log errs much more than the others, if one does."""
         result = self.result
         logs = self.error_frame().query("of == 'log'")

@@ -9,6 +9,7 @@ import pandas as pd
 
 from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.keyed import Row
+from identifiability.foundation.names import Strings
 from identifiability.foundation.presenter import present
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, rough_percent
@@ -68,9 +69,9 @@ class CalibrationPresenter(AnsweringPresenter):
         texts = [a.whole for a in result.answers()[:3]]
         return "\n".join([*texts, *result.warnings, *result.remarks])
 
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> Strings:
         """Return the findings of the analysis that change a decision."""
-        found: tuple[str, ...] = present(self.result.analysis, "warnings")
+        found: Strings = present(self.result.analysis, "warnings")
         return found
 
     def rows_by_name(self) -> Iterator[Row]:

@@ -28,7 +28,7 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Note
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, Level, fill, phrase
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.rounding import REACH, format_number, join, stated_text
 from identifiability.foundation.rules import Tolerance
@@ -284,7 +284,7 @@ class PredictingPresenter(AnsweringPresenter):
         """
         return None
 
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> Strings:
         """Return the findings on the logs, and on one joint that errs far more than others.
 
         Nothing is wrong with a joint whose error is mainly noise of its torque.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
@@ -18,7 +18,7 @@ from identifiability.estimation.rules import RULES
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import BASE, Array
+from identifiability.foundation.names import BASE, Array, NumberByName, Strings
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
@@ -151,7 +151,7 @@ class DiagnosisPresenter(PredictingPresenter):
         line = on_file(d, "json", "diagnose.json", f"{again} --json", export)
         return [*out, command("export", line)]
 
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> Strings:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
         result = self.result
         seen = super().warnings()
@@ -599,7 +599,7 @@ def table_refitted(d: Diagnosis) -> Table | None:
     return make_table("refitted", rows, joint=most.place)
 
 
-def _list_refitted(d: Diagnosis, joint: str, old: Mapping[str, float]) -> list[tuple[Any, ...]]:
+def _list_refitted(d: Diagnosis, joint: str, old: NumberByName) -> list[tuple[Any, ...]]:
     """Return rows of the friction of a joint without an effect, and with it.
 
     Parameters

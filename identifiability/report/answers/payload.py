@@ -13,7 +13,7 @@ import pandas as pd
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.names import Strings, shorten_paths
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, format_measured, format_number, measured
@@ -73,7 +73,7 @@ class LoadPresenter(AnsweringPresenter):
         """Return the mass, or gains by a mass that is known, in one sentence."""
         return _state_load(self.result) if self.result.known is None else _state_gains(self.result)
 
-    def caveats(self) -> tuple[str, ...]:
+    def caveats(self) -> Strings:
         """Return the reasons to doubt the answer."""
         places = {name.rpartition(" in ")[2] for name in _list_missing(self.result)}
         every = self.result.estimate.lacks
@@ -136,7 +136,7 @@ def _is_fixed(result: Load) -> bool:
     return any(q.why == phrase("untold", "turn") for q in result.quantities)
 
 
-def _list_missing(result: Load) -> tuple[str, ...]:
+def _list_missing(result: Load) -> Strings:
     """Return the effects that the fit without the load lacks."""
     return result.fit.missing if result.fit else ()
 

@@ -19,7 +19,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, judge, narrow
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.feasibility import PhysicalResult
@@ -40,7 +40,7 @@ def decide_model(
     missing: MissingEffects,
     late: SharedErrors | None = None,
     real: PhysicalResult | None = None,
-) -> tuple[Fit, tuple[Verdict, ...], tuple[str, ...]]:
+) -> tuple[Fit, tuple[Verdict, ...], Strings]:
     """Return a fit with its full uncertainty, its verdicts, and forbidden signs.
 
     Parameters
@@ -87,7 +87,7 @@ def decide_model(
     return fit, judge(fit, *told), tuple(compress(submodel.columns, forbidden))
 
 
-def _exclude_offsets(model: FittedModel, fit: Fit) -> tuple[tuple[str, ...], ...]:
+def _exclude_offsets(model: FittedModel, fit: Fit) -> tuple[Strings, ...]:
     """Return the joints of which each parameter is sure only without a torque offset, (k,)."""
     joints = model.structure.robot.joints
     offsets = allow_offsets(model.information, model.estimate)[:, -len(joints) :]
@@ -238,7 +238,7 @@ def _narrow_by_file(v: Verdict, mean: float, sd: float, words: str) -> Verdict:
     return narrow(v, Flag.BY_PRIOR, text, (low, high))
 
 
-def _aliases(fit: Estimate) -> tuple[str, ...]:
+def _aliases(fit: Estimate) -> Strings:
     """Return, for each undetermined parameter, the parameters confounded with it by this motion."""
     out = [""] * len(fit.columns)
     leans = np.abs(fit.open)

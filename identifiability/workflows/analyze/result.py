@@ -31,7 +31,7 @@ from identifiability.foundation import handed
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.options import OptionError, check_choice
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
@@ -84,7 +84,7 @@ class ModelResult:
     estimate: Estimate
     fit: Fit
     verdicts: tuple[Verdict, ...]
-    infeasible: tuple[str, ...]
+    infeasible: Strings
     physical: PhysicalResult | None
     fitted: Prediction
     unseen: Prediction
@@ -108,7 +108,7 @@ class ModelResult:
         return real.within(self.submodel)
 
     @property
-    def without_offsets(self) -> list[tuple[Verdict, tuple[str, ...]]]:
+    def without_offsets(self) -> list[tuple[Verdict, Strings]]:
         """Identifiable parameters that a torque offset of some joints would hide, and these."""
         pairs = zip(self.verdicts, self.fit.excluded, strict=True)
         return [pair for pair in pairs if pair[1] and pair[0].verdict is Class.IDENTIFIABLE]
@@ -210,7 +210,7 @@ class ModelResult:
         return [{**v.to_row(), "used": x, "used_because": text} for v, x, text in pairs]
 
     @property
-    def departures(self) -> tuple[str, ...]:
+    def departures(self) -> Strings:
         """Why each value to use differs from the estimate by more than its error; else empty."""
         texts = []
         values = self.estimate.value, self.recommended
@@ -263,7 +263,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     structure: Structure
     samples: tuple[Dataset, ...]
     validation: tuple[Dataset, ...]
-    hints: tuple[str, ...]
+    hints: Strings
     recordings: Recordings
     models: tuple[Model, ...]
     information: Information

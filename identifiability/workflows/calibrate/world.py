@@ -28,7 +28,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import filter_from_rest
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -94,7 +94,7 @@ class Experiment:
     """
 
     submodel: Submodel
-    names: tuple[str, ...]
+    names: Strings
     W: Array
     tau: Array
     log: np.ndarray
@@ -200,7 +200,7 @@ class Cell:
         Share of trials whose parameters are not judged, because outputs or blocks are too few.
     """
 
-    names: tuple[str, ...]
+    names: Strings
     held: np.ndarray
     called: float
     wrong: Share
@@ -223,7 +223,7 @@ class Cell:
         return each_share(self.held)
 
     @property
-    def below(self) -> tuple[str, ...]:
+    def below(self) -> Strings:
         """Parameters whose coverage is below 95 % beyond Monte-Carlo error."""
         pairs = zip(
             self.names,

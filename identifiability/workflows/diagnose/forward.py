@@ -7,7 +7,7 @@ measured torque. Both models use their nearest physically consistent robot.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from identifiability.effects import find_family
 from identifiability.estimation.prediction import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
+from identifiability.foundation.names import INERTIAL_KINDS, Array, NumberByName, Parameter
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -104,7 +104,7 @@ class Physical:
     """
 
     structure: Structure
-    values: Mapping[str, float]
+    values: NumberByName
     cad_weight: float = 0.0
 
     def of(self, parameters: Iterable[Parameter]) -> dict[str, float]:

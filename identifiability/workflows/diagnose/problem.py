@@ -20,7 +20,7 @@ from identifiability.estimation.prediction import Prediction, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -180,7 +180,7 @@ class KnownValues(Known):
 
     words: str
     share: float = 0.0
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
 
     @property
     def root(self) -> Array:

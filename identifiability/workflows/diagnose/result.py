@@ -20,7 +20,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.output import write_text
 from identifiability.foundation.presenter import present, presented
 from identifiability.foundation.result import Result
@@ -101,8 +101,8 @@ class Placement:
 
     place: str
     shape: float
-    parameters: tuple[str, ...]
-    units: tuple[str, ...]
+    parameters: Strings
+    units: Strings
     values: Array
     errors: Array
     rms: float
@@ -171,7 +171,7 @@ class NamedEffect:
     after: float
     interval: tuple[float, float]
     everywhere: bool = False
-    nearest: tuple[str, ...] = ()
+    nearest: Strings = ()
 
     @property
     def title(self) -> str:
@@ -204,12 +204,12 @@ class NamedEffect:
         return min(p.unseen for p in self.placements)
 
     @property
-    def joints(self) -> tuple[str, ...]:
+    def joints(self) -> Strings:
         """Where it surely is."""
         return tuple(dict.fromkeys(p.place for p in self.placements if p.sure))
 
     @property
-    def alternatives(self) -> tuple[str, ...]:
+    def alternatives(self) -> Strings:
         """Families that the data do not distinguish from this one: the name is "A or B"."""
         rivals = [r for p in self.placements for r in p.rivals]
         return tuple(dict.fromkeys(r.family for r in rivals))
@@ -319,7 +319,7 @@ class Diagnosis(Result, Predicts):
     included: int = 0
     forward: ForwardGap | None = None
     bending: Bending | None = None
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     nothing: str = ""
     alternative: str = ""
     reading: CarriedReading | None = None
@@ -398,7 +398,7 @@ class Diagnosis(Result, Predicts):
         return self.problem.commanded
 
     @property
-    def base(self) -> tuple[str, ...]:
+    def base(self) -> Strings:
         """Names of the effects of the model that was diagnosed."""
         return Model.of(*list_asked_effects(self.structure)).names
 

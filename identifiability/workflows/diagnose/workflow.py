@@ -28,7 +28,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.runs import First, Progress, Run, quiet
 from identifiability.foundation.values import frozen
@@ -682,7 +682,7 @@ def _choose_values(
     return structure, know_nothing(structure)
 
 
-def usual_effects(robot: Robot, *, commanded: bool) -> tuple[str, ...]:
+def usual_effects(robot: Robot, *, commanded: bool) -> Strings:
     """Return the effects of the model that is diagnosed when none is given.
 
     Zeros of commands and encoders differ, and servos turn the difference into torque. Logs of

@@ -17,7 +17,7 @@ from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array, find_named
+from identifiability.foundation.names import Array, Strings, find_named
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.information import gather_information
@@ -178,9 +178,9 @@ class Question:
     structure: Structure
     model: Model
     columns: np.ndarray
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    chosen: tuple[str, ...]
+    names: Strings
+    units: Strings
+    chosen: Strings
     criterion: Criterion
 
     def along(self, samples: Sequence[Dataset]) -> Regression:
@@ -210,7 +210,7 @@ class Known:
     weights: Array
     samples: float
     values: Array
-    logs: tuple[str, ...] = ()
+    logs: Strings = ()
 
     @property
     def repeated(self) -> Array:

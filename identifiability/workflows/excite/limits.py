@@ -18,7 +18,7 @@ from identifiability.effects import default_effects
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array, find_named
+from identifiability.foundation.names import Array, Strings, find_named
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -66,7 +66,7 @@ class Limits:
         Joints whose torque limit is a multiple of the largest torque in logs.
     """
 
-    joints: tuple[str, ...]
+    joints: Strings
     low: Array
     high: Array
     speed: Array
@@ -75,8 +75,8 @@ class Limits:
     power: Array
     # Condition number that a motion stays below; above 1000 a configuration is near-singular.
     closure_bound: float = 300.0
-    assumed: tuple[str, ...] = ()
-    logged: tuple[str, ...] = ()
+    assumed: Strings = ()
+    logged: Strings = ()
 
     @property
     def middle(self) -> Array:

@@ -22,7 +22,7 @@ from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY, TINY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
 from identifiability.foundation.presenter import presented
@@ -74,7 +74,7 @@ class NextMotion:
         Whether all hypotheses give the same torque for every motion.
     """
 
-    names: tuple[str, ...]
+    names: Strings
     excitation: Excitation
     periods: int
     chance: float

@@ -19,7 +19,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
 from identifiability.foundation.presenter import presented
@@ -160,11 +160,11 @@ class Excitation(Result):
     robot: Robot
     trajectory: Trajectory
     criterion: Criterion
-    effects: tuple[str, ...]
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    chosen: tuple[str, ...]
-    logs: tuple[str, ...]
+    effects: Strings
+    names: Strings
+    units: Strings
+    chosen: Strings
+    logs: Strings
     before: Merit
     after: Merit
     limits: Limits
@@ -174,7 +174,7 @@ class Excitation(Result):
     evaluations: int
     seed: int
     gap: float = np.inf
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property

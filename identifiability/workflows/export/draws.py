@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import Expected, FilePath, Positive, Seed, checked
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.presenter import presented
@@ -59,7 +59,7 @@ class Draws:
     values: Array
     share: float
     servos: pd.DataFrame = field(default_factory=pd.DataFrame)
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
 
     @property
     def robots(self) -> Iterator[dict[str, float]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from identifiability.estimation.verdict import Class, Flag
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import INERTIAL_KINDS
+from identifiability.foundation.names import INERTIAL_KINDS, NumberByName, Strings
 from identifiability.foundation.quoting import for_terminal
 from identifiability.foundation.rounding import format_number, measured
 from identifiability.physical.rules import RULES
@@ -22,10 +22,10 @@ from identifiability.workflows.predict import WORDS
 def describe_joints(
     robot: Robot,
     rows: Sequence[Mapping[str, Any]],
-    values: Mapping[str, float],
+    values: NumberByName,
     gains: Mapping[str, tuple[float, float]] | None = None,
     share: float | None = None,
-) -> tuple[str, ...]:
+) -> Strings:
     """Return a line for each joint: gains, armature, damping and friction with their reliability.
 
     A last line lists undetermined masses and rotors that are far from the robot file's.
@@ -69,7 +69,7 @@ def describe_joints(
 def _limit_rotors(
     robot: Robot,
     rows: Sequence[Mapping[str, Any]],
-    values: Mapping[str, float],
+    values: NumberByName,
     share: float,
 ) -> dict[str, tuple[float, float]]:
     """Return 95 % limits of rotors whose sums with bodies the logs determine.
@@ -95,7 +95,7 @@ def _limit_rotors(
 
 
 def _list_far(
-    robot: Robot, rows: Sequence[Mapping[str, Any]], values: Mapping[str, float]
+    robot: Robot, rows: Sequence[Mapping[str, Any]], values: NumberByName
 ) -> Iterator[tuple[str, str]]:
     """Yield masses and rotors unlike the file's that the logs know only as parts of sums."""
     sure = {row["label"] for row in rows if row["verdict"] == Class.IDENTIFIABLE}
@@ -127,7 +127,7 @@ def _describe(
     robot: Robot,
     joint: str,
     rows: Sequence[Mapping[str, Any]],
-    values: Mapping[str, float],
+    values: NumberByName,
     within: Mapping[str, str],
 ) -> Iterator[str]:
     """Yield the numbers of a joint, each with its error or the reason why it has none."""

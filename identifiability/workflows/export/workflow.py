@@ -35,7 +35,13 @@ from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.findings import of_key, phrase
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
+from identifiability.foundation.names import (
+    GROUPED_KINDS,
+    INERTIAL_KINDS,
+    Array,
+    NumberByName,
+    Strings,
+)
 from identifiability.foundation.options import Expected, ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.presenter import presented
@@ -121,10 +127,10 @@ class Written:
 
     robot: Path
     sidecar: Path | None = None
-    beside: tuple[str, ...] = ()
+    beside: Strings = ()
 
 
-def save_robot(robot: Robot, values: Mapping[str, float], path: str | Path) -> Path:
+def save_robot(robot: Robot, values: NumberByName, path: str | Path) -> Path:
     """Write a robot with other standard parameters; see `Robot.save`.
 
     Raises
@@ -144,12 +150,12 @@ def save_robot(robot: Robot, values: Mapping[str, float], path: str | Path) -> P
 
 def write_parameters(
     robot: Robot,
-    parameters: Mapping[str, float],
+    parameters: NumberByName,
     path: str | Path,
     *,
     keep: bool = True,
-    shapes: Mapping[str, float] | None = None,
-    reference: Mapping[str, float] | None = None,
+    shapes: NumberByName | None = None,
+    reference: NumberByName | None = None,
     comment: str = "",
 ) -> Written:
     """Write a robot file with other parameters; a sidecar holds the values that it cannot.
@@ -197,7 +203,7 @@ def _write_native(
     robot: Robot,
     values: dict[str, float],
     path: Path,
-    tables: dict[str, Mapping[str, float]],
+    tables: dict[str, NumberByName],
     comment: str,
 ) -> Written:
     """Write a robot file in the format of the robot's own, and its sidecar.
@@ -234,9 +240,7 @@ def _convert(robot: Robot, path: Path) -> Robot:
     return converted.turned(robot.gravity)
 
 
-def _values_beside(
-    robot: Robot, values: Mapping[str, float], alone: Mapping[str, float]
-) -> dict[str, float]:
+def _values_beside(robot: Robot, values: NumberByName, alone: NumberByName) -> dict[str, float]:
     """Return the values that the robot file alone, with its own values, does not have."""
     beside = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
     if robot.mjcf and robot.known_servo is not None:  # whose rotors the file has for its own step
@@ -245,7 +249,7 @@ def _values_beside(
     return beside
 
 
-def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+def _rests(robot: Robot, values: NumberByName) -> dict[str, float]:
     """Return where the springs of joints are relaxed; those of stated axes stand with them."""
     joints = robot.tree.single
     return {j: x for j, x in robot.rest.items() if j in joints and values.get(f"{j}.K")}
@@ -298,15 +302,15 @@ class Exported:
 
     robot: Path
     sidecar: Path | None
-    beside: Mapping[str, tuple[str, ...]]
+    beside: Mapping[str, Strings]
     error_ra: float | None
     error_ra_file: float | None
     mass: str
     unseen: Unseen | PositionPrediction | None = None
-    notes: tuple[str, ...] = ()
+    notes: Strings = ()
     snippet: Path | None = None
-    added: tuple[str, ...] = ()
-    joints: tuple[str, ...] = ()
+    added: Strings = ()
+    joints: Strings = ()
 
     @property
     @presented
@@ -421,7 +425,7 @@ def with_springs(robot: Robot, found: BendingEntry) -> tuple[Robot, dict[str, fl
     return apply_tilt(robot, found.parameters)
 
 
-def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> tuple[str, ...]:
+def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> Strings:
     """Return a sentence for each motion on which a file has larger errors than the robot's file.
 
     Of logs of commands these are errors of positions, else of torque. Files of one format are
@@ -449,7 +453,7 @@ def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> t
 
 
 def _state_lost(
-    robot: Robot, content: ResultEntry, given: Mapping[str, float], kind: Kind, name: str
+    robot: Robot, content: ResultEntry, given: NumberByName, kind: Kind, name: str
 ) -> str:
     """Return the parameter of the largest torque that a file cannot hold, and the next step.
 
@@ -476,7 +480,7 @@ def _state_lost(
 
 
 def _prepare_writing(
-    robot: Robot, content: ResultEntry, given: Mapping[str, float]
+    robot: Robot, content: ResultEntry, given: NumberByName
 ) -> Callable[[Path], Written]:
     """Return the function that writes a robot file with the values of a result."""
     shapes = content.physical.shapes
@@ -500,7 +504,7 @@ def _prepare_writing(
 def _describe(
     robot: Robot,
     content: ResultEntry,
-    given: Mapping[str, float],
+    given: NumberByName,
     written: Written,
     kind: Kind | None = None,
     unseen: Unseen | PositionPrediction | None = None,
@@ -538,9 +542,7 @@ def _describe(
     )
 
 
-def _describe_joints(
-    robot: Robot, content: ResultEntry, given: Mapping[str, float]
-) -> tuple[str, ...]:
+def _describe_joints(robot: Robot, content: ResultEntry, given: NumberByName) -> Strings:
     """Return a line for each joint of a result: its numbers with their reliability."""
     gains = content.fit.servo if content.fit else {}
     weight = content.physical.cad_prior if content.rollout is not None else 0.0
@@ -587,7 +589,7 @@ def _read_lines(path: Path) -> list[str]:
         return file.readlines()
 
 
-def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
+def _as_stated(robot: Robot, given: NumberByName) -> dict[str, float]:
     """Return, as the file states them, the bodies that differ from the file's by rounding only."""
     out: dict[str, float] = {}
     for body in robot.bodies:
@@ -601,7 +603,7 @@ def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
 
 def _notes(
     robot: Robot, content: ResultEntry, kind: Kind | None, name: str, *, said: bool
-) -> tuple[str, ...]:
+) -> Strings:
     """Return the notes on a file that was written, with its error unless that is stated."""
     notes = [] if content.rollout is None or said else [content.rollout.statement]
     slide = {} if content.rollout is None else content.rollout.slide
@@ -661,7 +663,7 @@ class Unseen:
         Another holder of the sidecar's values: the function for MuJoCo.
     """
 
-    logs: tuple[str, ...]
+    logs: Strings
     names: tuple[str, str]
     before: float
     written: float
@@ -715,7 +717,7 @@ def judge_files(
 
 def _predict_by_file(
     robot: Robot, logs: Logs, how: Preparation | None, reading: ReadingEntry | None
-) -> tuple[Prediction, tuple[str, ...]]:
+) -> tuple[Prediction, Strings]:
     """Return torque along logs by all values of a robot file, and the names of the logs.
 
     Logs are read as those of the result, without gravity where their torque lacks it.
@@ -801,9 +803,7 @@ SERVOS = DelayedPDActuatorCfg(
 '''
 
 
-def write_isaaclab(
-    robot: Robot, given: Mapping[str, float], content: ResultEntry, out: Path
-) -> Path:
+def write_isaaclab(robot: Robot, given: NumberByName, content: ResultEntry, out: Path) -> Path:
     """Write the servos as a configuration of actuators for Isaac Lab.
 
     Raises

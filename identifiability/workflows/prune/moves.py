@@ -19,7 +19,7 @@ from scipy.linalg import null_space
 from identifiability.estimation.profile import Profile
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import RANK_TOLERANCE
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.pseudo_inertia import BASIS
@@ -65,12 +65,12 @@ class Move:
     """
 
     kind: Kind
-    zero: tuple[str, ...] = ()
-    tie: tuple[tuple[str, ...], ...] = ()
+    zero: Strings = ()
+    tie: tuple[Strings, ...] = ()
     why: str = ""
 
     @property
-    def columns(self) -> tuple[str, ...]:
+    def columns(self) -> Strings:
         """All columns it touches."""
         return (*self.zero, *(c for members in self.tie for c in members))
 
@@ -95,7 +95,7 @@ class Partition:
         Index of the column that each one equals (its own if it leads), or `ZERO`.
     """
 
-    columns: tuple[str, ...]
+    columns: Strings
     group: np.ndarray
 
     @staticmethod
@@ -120,7 +120,7 @@ class Partition:
     def _positions(self) -> dict[str, int]:
         return {c: k for k, c in enumerate(self.columns)}
 
-    def members(self, leader: int) -> tuple[str, ...]:
+    def members(self, leader: int) -> Strings:
         """Return the columns that equal a leader, itself first."""
         return tuple(self.columns[k] for k in np.flatnonzero(self.group == leader))
 

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 
 from identifiability.foundation.errors import LogError, OutputError
 from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.names import Strings
 from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_writable, csv_text, write_together
 from identifiability.foundation.presenter import present, presented
@@ -75,11 +76,11 @@ class Study:
     folder: Path
     robot: str
     written: tuple[Path, ...]
-    fitted: tuple[str, ...]
+    fitted: Strings
     held_back: str | None
     has_logs: bool
-    loaded: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    loaded: Strings = ()
+    notes: Strings = ()
 
     @property
     def next_line(self) -> str:
