@@ -5,7 +5,8 @@ from pathlib import Path
 
 import servo_robots as servos
 
-from identifiability import Robot
+from identifiability import Log, Robot
+from identifiability.logs.conventions import Conventions
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 SIDECAR = """
@@ -34,3 +35,8 @@ def draw(robot, seconds, size, how, rng, truth=TRUTH, *more):
     """Record drawn commands of a robot."""
     moves = servos.draw_commands(robot, seconds, how.command_rate, size, rng)
     return servos.record(robot, truth, moves, seconds, how, rng, *more)
+
+
+def read(robot, frame):
+    """Return a log of a robot, in its order of joints."""
+    return Log.from_frame(frame, conventions=Conventions.of(robot)).select(robot.joints)

@@ -25,7 +25,6 @@ from identifiability import (
 )
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
@@ -51,7 +50,7 @@ from identifiability.servos.rollouts import are_contradicted
 from identifiability.servos.windows import cut_windows
 from identifiability.simulation.rollout import CommandedRobot
 
-from .made_servos import MODELS, SIDECAR, TRUTH, draw, load_arm, servos
+from .made_servos import MODELS, SIDECAR, TRUTH, draw, load_arm, read, servos
 
 STIFF = """<mujoco><compiler angle="radian"/><worldbody><body><inertial mass="150" pos="0 0 0"
 diaginertia="1 1 1"/><joint name="x" type="slide" axis="1 0 0" damping="60" frictionloss="25"
@@ -76,8 +75,8 @@ def frames(arm):
     return [servos.record(arm, TRUTH, c, s, how, rng) for c, s in zip(moves, seconds, strict=True)]
 
 
-def read(robot, frame):
-    return Log.from_frame(frame, conventions=Conventions.of(robot)).select(robot.joints)
+def rms(x, axis=None):
+    return np.sqrt(np.mean(x**2, axis))
 
 
 # The servo that files state.
@@ -309,11 +308,7 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     rng, how = default_rng(5), servos.Recorder(100.0, delay=0.007)
     own = replace(arm.servo, ki=2.0 * arm.servo.kp)
     logs = [draw(arm, 8.0, 0.35, how, rng, TRUTH, own) for _ in range(2)]
-    shutil.copy(arm.path, tmp_path / "arm.xml")
-    said = arm.path.with_suffix(".toml").read_text()
-    unknown = re.sub("(?m)^kp = .*$", 'kp = "fit"\nki = "fit"', said)
-    (tmp_path / "arm.toml").write_text(unknown)
-    robot = Robot.load(tmp_path / "arm.xml")
+    robot = load_arm(tmp_path, re.sub("(?m)^kp = .*$", 'kp = "fit"\nki = "fit"', SIDECAR))
     with pytest.raises(IdentifiabilityError, match="follow positions alone"):
         analyze(robot, logs[0].assign(**{"shoulder.dq_cmd": 0.0, "elbow.dq_cmd": 0.0}))
     machine = CommandedRobot(arm, TRUTH, own)
@@ -331,12 +326,27 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     delay, best = roll_delayed(machine, log)
     (part,) = machine.roll_all([log.rows(400, 800)], None, [delay], sources=[log])
     assert np.std((part - best[400:])[75:], 0).max() < 4e-4  # 1.5e-3 if it starts at rest
-    assert rolled.totals[-1] < 1.1 * np.sqrt(np.mean((best - log.q)[150:] ** 2))
-    export(robot, result, tmp_path / "fitted.xml")
-    again = Robot.load(tmp_path / "fitted.xml")
-    assert_allclose(again.servo.ki, result.robot.servo.ki)
-    alone = servos.replay(tmp_path / "fitted.xml", log, delay)
-    assert np.sqrt(np.mean((alone - log.q)[300:] ** 2)) < 1e-3
+    assert rolled.totals[-1] < 1.1 * rms((best - log.q)[150:])
+    fitted = export(robot, result, tmp_path / "fitted.xml").robot
+    assert_allclose(Robot.load(fitted).servo.ki, found.ki)
+    assert rms((servos.replay(fitted, log, delay) - log.q)[300:]) < 1e-3
+
+
+def test_drives_that_follow_speeds_are_fitted_rolled_out_and_exported(arm, tmp_path):
+    how = servos.Recorder(command_rate=100.0, speeds=True)
+    own = arm.servo.having({"kp": np.zeros(2), "kv": np.array([100.0, 25.0])})
+    log, unseen = (draw(arm, s, 0.5, how, default_rng(3), TRUTH, own) for s in (8.0, 4.0))
+    robot = load_arm(tmp_path, '[servo]\nkp = 0\nkv = {shoulder = 100, elbow = "fit"}\n')
+    with pytest.raises(IdentifiabilityError, match="no commanded speeds"):
+        analyze(robot, log.filter(regex="t|q$|[rw].cmd"))
+    result = analyze(robot, log, quick=True)
+    kv = result.robot.servo.kv
+    assert_allclose(kv, own.kv, rtol=0.03)
+    for name, (low, high) in result.to_frame(details=True).set_index("name").interval95.items():
+        assert low <= TRUTH.get(name, low) <= high
+    done = export(robot, result, tmp_path / "fitted.xml", validate=unseen)
+    assert done.unseen.totals[-1] < 0.2 * done.unseen.totals[0]
+    assert_allclose(Robot.load(done.robot).servo.kv, kv)
 
 
 # Rollouts.
@@ -357,7 +367,7 @@ def test_commands_that_act_later_by_less_than_a_step_move_a_robot_later_by_that(
     slope = (machine.roll(log, delay=0.003) - machine.roll(log, delay=0.005)) / 0.002
     rows = slice(len(log) // 2, None)  # those of a start are not later
     apart = (after - before + 3e-4 * slope)[rows]
-    assert np.sqrt(np.mean(apart**2)) < 0.01 * np.sqrt(np.mean((3e-4 * slope[rows]) ** 2))
+    assert rms(apart) < 0.01 * rms(3e-4 * slope[rows])
 
 
 def test_a_lock_leaves_the_friction_of_the_other_joints_as_it_is(tmp_path, frames):
@@ -386,10 +396,10 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
         true = np.array([TRUTH[f"{j}.{kind}"] for j in arm.joints])
         assert_allclose(found.numbers[kind], true, atol=near * np.abs(true).max())
     file = CommandedRobot(arm, {}).roll(logs[0]) - logs[0].q
-    assert np.all(found.errors < 0.05 * np.sqrt(np.mean(file**2, axis=0)))
+    assert np.all(found.errors < 0.05 * rms(file, 0))
     unseen = roll_delayed(CommandedRobot(arm, found.parameters), logs[1])[1][50:]
     step = 2 * np.pi / 2**14
-    assert np.sqrt(np.mean((unseen - logs[1].q[50:]) ** 2)) < step  # of the encoders
+    assert rms(unseen - logs[1].q[50:]) < step  # of the encoders
     told = "commands act 7.8 ms (a), 7.9 ms (b) after their rows"
     assert state_delay([0.0078, 0.0079], "ab") == told
 
@@ -767,7 +777,7 @@ def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, tmp_path):
     found = fit_rollouts(robot, [log], file_shares(robot))
     late, q = roll_delayed(CommandedRobot(known, TRUTH), log)
     assert abs(found.delays[0] - late) < 1e-4
-    assert np.all(found.errors < 1.1 * np.sqrt(np.mean((q - log.q) ** 2, 0)))
+    assert np.all(found.errors < 1.1 * rms(q - log.q, 0))
     most = np.minimum(3 * np.sqrt(np.diag(found.covariance))[2:4], 0.1 * servo.kv)
     assert np.all(np.abs(found.numbers["kv"] - servo.kv) < most)
 

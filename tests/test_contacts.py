@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from identifiability import Log, inspect, predict
+from identifiability import inspect, predict
 from identifiability.foundation.runs import quiet
-from identifiability.logs.conventions import Conventions
 from identifiability.servos import file_shares
 from identifiability.servos.contacts import fit_unblocked, leave_out_blocked
 from identifiability.servos.positions import are_aside
 
-from .made_servos import TRUTH, load_arm, servos
+from .made_servos import TRUTH, load_arm, read, servos
 
 STICKY = {**TRUTH, "shoulder.Fc": 24.0, "elbow.Fc": 9.0}
 TIMES = np.arange(0.0, 19.0, 0.01)
@@ -33,7 +32,7 @@ def record(folder, elbow, held_at=0.0):
     commands = 0.3 * np.transpose([shoulder, elbow])
     fault = servos.Fault(1, "object", held_at)
     frame = servos.record(arm, STICKY, commands, 18.0, how, default_rng(1), fault=fault)
-    return arm, Log.from_frame(frame, conventions=Conventions.of(arm)).select(arm.joints)
+    return arm, read(arm, frame)
 
 
 def test_a_joint_on_an_object_is_found_and_its_rows_are_no_data(tmp_path):

@@ -92,8 +92,16 @@ class Servo:
     @property
     def gain(self) -> Array:
         """Torque that one unit of the target makes, (n,): of a position, a speed, or a torque."""
-        otherwise = np.where(self.kv > 0, self.kv, 1.0)
-        return np.where(self.kp > 0, self.kp, otherwise)
+        otherwise = np.where(self.kv == 0, 1.0, self.kv)
+        return np.where(self.kp == 0, otherwise, self.kp)
+
+    def by_gain(self, gain: Array) -> dict[str, Array]:
+        """Return ``kp`` and ``kv`` with other gains of the target, (n,): kv where kp is zero."""
+        follows_speed = self.kp == 0
+        return {
+            "kp": np.where(follows_speed, 0.0, gain),
+            "kv": np.where(follows_speed, gain, self.kv),
+        }
 
     @property
     def unknown(self) -> Array:

@@ -271,10 +271,9 @@ def write_servos(
                 element.remove(old)
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
-        kp = float(servo.kp[k])
         off = offsets.get(joint, 0.0)
-        bias = np.array([-off, -kp, -servo.damping[k]])
-        law = affine_law(kp or float(servo.kv[k]), bias, float(servo.integral[k]))
+        bias = np.array([-off, -servo.kp[k], -servo.damping[k]])
+        law = affine_law(float(servo.gain[k]), bias, float(servo.integral[k]))
         kind = "tendon" if joint in tendons else "joint"
         own = {"name": names[joint], kind: joint, "gear": "1"}
         new = ET.SubElement(place, "general", own | law)

@@ -325,13 +325,13 @@ def list_free(asked: Servo, start: Servo, windows: Sequence[Window], delay: floa
     logs = [window.rows for window in windows]
     free = dict.fromkeys(KINDS, np.ones(len(asked.kp), bool))
     free["slide"] = free["play"] = free["limit"] = np.zeros(len(asked.kp), bool)
-    free["kp"] = np.isnan(asked.kp)
+    free["kp"] = np.isnan(asked.gain)
     free["ki"] = np.isnan(asked.integral)
     # Commanded speeds, or a limit, tell kv from friction: only a servo's torque is limited.
     has_speeds = all(log.dq_ref is not None for log in logs)
     known = start.having({"kp": asked.kp})
     is_limited = (known.high < np.inf) & reach_limits(known, logs, delay)
-    free["kv"] = np.isnan(asked.kv) & (has_speeds | is_limited)
+    free["kv"] = np.isnan(asked.kv) & (asked.kp != 0) & (has_speeds | is_limited)
     moves = np.any([window.moves for window in windows], axis=0)
     return np.array([free[kind] & moves for kind in KINDS])
 

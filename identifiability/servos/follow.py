@@ -405,11 +405,12 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         late=late,
         stated=servo.delay is not None,
         integral=integral,
+        speeds=not servo.kp.any(),
         after=1e3 * rms,
     )
     held = 1e3 * np.where(servo.kp > 0, found.numbers["Fc"], 0.0) / servo.gain
     k = int(np.argmax(held))
-    resting = phrase("commands", "held", joint=robot.joints[k], most=held[k])
+    resting = phrase("commands", "held", joint=robot.joints[k], most=held[k]) if held[k] else ""
     slides = _state_slides(robot, 1e3 * found.numbers["slide"])
     undamped = _undamped_joints(robot, servo, np.concatenate([log.tau for log in logs]))
     damped = phrase("commands", "damped", joints=undamped) if undamped else ""

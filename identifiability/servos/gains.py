@@ -18,6 +18,7 @@ from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.rounding import REACH, percent
 from identifiability.foundation.runs import First, Progress
 from identifiability.logs import Log
+from identifiability.logs.commands import has_commands
 from identifiability.logs.contradictions import check_units
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot
@@ -45,7 +46,7 @@ def select_commanded(robot: Robot, logs: Iterable[Log]) -> list[Log]:
     selected = [log.select(robot.joints) for log in logs]
     for log in selected:
         check_units(robot, [log])
-    return [set_aside_joints(log) for log in selected]
+    return [set_aside_joints(log, robot.servo) if robot.servo else log for log in selected]
 
 
 def learn_gains(robot: Robot, logs: Sequence[Log], say: Progress, first: First | None) -> Robot:
@@ -56,7 +57,7 @@ def learn_gains(robot: Robot, logs: Sequence[Log], say: Progress, first: First |
     RobotError
         If it cannot be rolled out.
     """
-    commanded = [log for log in logs if log.q_ref is not None]
+    commanded = [log for log in logs if has_commands(log)]
     if robot.servo is None or not (commanded and robot.servo.unknown.any()):
         return robot
     shares = file_shares(robot)
@@ -108,12 +109,12 @@ def state_gains(robot: Robot, names: Sequence[str], found: Rollouts, shares: Num
     within = percent(shares[surest])
     listed = "; ".join(filter(None, [of_kp, of_kv, of_ki]))
     text = [phrase("gains.found", "says", names=list(names), gains=listed or "none by itself")]
-    if np.isnan(asked.kp).all():
+    if np.isnan(asked.gain).all():
         text.append(phrase("gains.found", "bodies", body=surest, within=within))
-    ratios = np.flatnonzero(np.isnan(asked.kp) & moves & ~is_told)
+    ratios = np.flatnonzero(np.isnan(asked.gain) & moves & ~is_told)
     if len(ratios):
         text.append(phrase("gains.found", "ratios", joints=[robot.joints[k] for k in ratios]))
-    guessed = np.flatnonzero(np.isnan(asked.kp) & ~moves)
+    guessed = np.flatnonzero(np.isnan(asked.gain) & ~moves)
     if len(guessed):
         text.append(phrase("gains.found", "guessed", joints=[robot.joints[k] for k in guessed]))
     mute = np.flatnonzero(np.isnan(asked.kv) & ~(servo.kv > 0) & moves)

@@ -396,7 +396,10 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
     what = [_describe(robot, problem, explanation) for explanation in best]
     kind = _kind(problem, numbers)
     at = numbers % len(robot.joints)
-    value = found.numbers[kind][at]
+    # The gain of a servo without kp is its kv.
+    follows_speed = kind == "kp" and not problem.machine.servo.kp[at].any()
+    key = "kv" if follows_speed else kind
+    value = found.numbers[key][at]
     sd = found.unsure[numbers]
     if kind == "kp":
         sd = sd * value
@@ -407,7 +410,7 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
     rows = list(zip(joints, value.tolist(), sd.tolist(), strict=True))
     fitted = [f"{joint} {x:.4g} ± {by:.2g}" for joint, x, by in rows]
     stated = ", ".join(f"{toml_key(joint)} = {x:.4g}" for joint, x, _ in rows)
-    said = {"key": kind, "fitted": listing(fitted, 12), "stated": stated}
+    said = {"key": key, "fitted": listing(fitted, 12), "stated": stated}
     then = phrase("odd_joint", "off" if kind == "play" else "used", **said)
     play = joints if kind == "play" else []
     about = {"what": " or ".join(what), "share": 100 * (1 - share), "then": then}
@@ -428,7 +431,8 @@ def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -
         kind,
         joints=joints,
         joint=robot.joints[j],
-        kp=servo.kp[j],
+        gain=servo.gain[j],
+        symbol="kp" if servo.kp[j] else "kv",
         factor=factor,
         size=value,
         unit=robot.torque_units[j],

@@ -45,8 +45,8 @@ class RolloutProblem:
     """Positions of the rollouts of all logs, as a function of one vector of numbers.
 
     The vector holds numbers of the joints by kind, half the logarithm of each body's relative size,
-    and the delay of each log. It holds the logarithm of an unknown gain. The other numbers of its
-    joint are divided by this gain, because positions hardly determine their common factor.
+    and the delay of each log. It holds the logarithm of an unknown gain: kv, where kp is zero. The
+    other numbers of its joint are divided by it: positions hardly determine their common factor.
 
     Parameters
     ----------
@@ -86,6 +86,7 @@ class RolloutProblem:
         #: Numbers that are divided by the factor of their joint's gain, (kinds, n).
         self.over = free.copy()
         self.over[-1] = False
+        self.over[KINDS.index("kv")] |= machine.servo.kp == 0
         varied_sizes = np.ones(len(self.shares), bool)
         count = 1 + max(window.log for window in windows)
         varied_delays = np.full(count, delay is None)
@@ -160,7 +161,8 @@ class RolloutProblem:
         """Return the vector with other numbers of some joints, (n,) bool, where they are varied."""
         count = self.over.size
         table = x[:count].reshape(self.over.shape).copy()
-        log_kp = np.log(numbers["kp"] / self.machine.servo.kp)
+        servo = self.machine.servo
+        log_kp = np.log(servo.having(numbers).gain / servo.gain)
         others = [numbers.get(kind, 0.0 * log_kp) for kind in KINDS[:-1]]
         replaced = np.array([*others, log_kp]) / np.exp(self.over * log_kp)
         is_replaced = self.varied[:count].reshape(self.over.shape) & joints
@@ -255,13 +257,16 @@ class RolloutProblem:
     def differences(self, q: list[Array]) -> Array:
         """Return errors of positions in the judged rows, (N, n).
 
-        They are one where a rollout diverged, and zero where a joint is not judged.
+        They are one where a rollout diverged, and zero where a joint is not judged. A servo without
+        kp never corrects an error, so only what its joint gains within some time counts.
         """
         errors = []
         for rolled, window in zip(q, self.windows, strict=True):
-            log = window.rows
-            error = np.nan_to_num(rolled - log.q, nan=1.0) * window.judged
-            errors.append(error[forgotten(log) :])
+            start = forgotten(window.rows)
+            error = rolled - window.rows.q
+            lasting = np.where(self.machine.servo.kp == 0, error[: len(error) - start], 0.0)
+            gained = np.nan_to_num(error[start:] - lasting, nan=1.0)
+            errors.append(gained * window.judged[start:])
         return np.concatenate(errors)
 
     def window_errors(self, q: list[Array]) -> Array:
@@ -469,7 +474,7 @@ def list_steps(machine: CommandedRobot, logs: Sequence[Log]) -> list[Array]:
         "slide": LATER * PLAY / VARIED * ones,
         "play": PLAY / VARIED * ones,
         "limit": torque,
-        "ki": servo.kp,  # it acts within a second
+        "ki": servo.gain,  # it acts within a second
         "kv": damping,
         "kp": ones,
     }

@@ -38,14 +38,16 @@ def start_rollouts(
     assert servo is not None
     kp = np.where(np.isnan(servo.kp), 1.0, servo.kp)
     ki = np.where(np.isnan(servo.integral), kp, servo.integral)
-    guess = replace(servo, kp=kp, kv=np.nan_to_num(servo.kv), ki=ki)
+    kv = np.where(np.isnan(servo.kv), servo.kp == 0, servo.kv)
+    guess = replace(servo, kp=kp, kv=kv, ki=ki)
     plain = drop_follower_friction(robot)
     machine = CommandedRobot(robot, plain, guess)
     delay = servo.delay or 0.0
     balanced, unknown_scale = balance_torque(machine, servo, windows, delay)
     stands = ~np.any([window.moves for window in windows], axis=0)
     numbers = machine.numbers()
-    settled = settle_joints(machine, {**numbers, "kp": balanced["kp"]}, stands)
+    scaled = guess.having(balanced)
+    settled = settle_joints(machine, {**numbers, "kp": scaled.kp, "kv": scaled.kv}, stands)
 
     def with_standing(one: Mapping[str, Array]) -> dict[str, Array]:
         return {kind: np.where(stands, settled[kind], x) for kind, x in one.items()}
@@ -53,12 +55,11 @@ def start_rollouts(
     numbers = with_standing(numbers)
     if not servo.unknown.any() and np.all(_errors(machine, numbers, delay, windows) < 1):
         return machine, numbers
-    of_scale = CommandedRobot(robot, plain, replace(guess, kp=balanced["kp"]))
-    held = find_held(of_scale, windows)
+    held = find_held(CommandedRobot(robot, plain, scaled), windows)
     tried = [numbers, with_standing(hold_by_friction(balanced, held))]
     errors = np.array([_errors(machine, one, delay, windows) for one in tried])
     if np.any(errors[-1] >= 1):
-        known = replace(servo, kp=np.where(unknown_scale, servo.kp, balanced["kp"]))
+        known = servo if unknown_scale else servo.having(servo.by_gain(scaled.gain))
         listed = _list_numbers(machine, known, windows[0].rows)
         grid = [with_standing(hold_by_friction(one, held)) for one in listed]
         of_grid = [_errors(machine, one, delay, windows) for one in grid]
@@ -69,7 +70,7 @@ def start_rollouts(
         kind: np.array([one[kind] for one in tried])[best, range(len(best))] for kind in numbers
     }
     chosen["ki"] = np.where(np.isnan(servo.integral), chosen["kp"], ki)
-    return CommandedRobot(robot, plain, replace(guess, kp=chosen["kp"], ki=chosen["ki"])), chosen
+    return CommandedRobot(robot, plain, guess.having(chosen)), chosen
 
 
 def settle_joints(
@@ -120,11 +121,11 @@ def restart_joints(problem: RolloutProblem, x: Array, joints: np.ndarray) -> Arr
     joints : (n,) bool
     """
     numbers, _ = problem.unpack(x)
-    others = numbers["kp"] if joints.all() else numbers["kp"][~joints]
-    usual = np.median(others)
-    kp = np.where(joints & problem.varied[problem.at("kp")], usual, numbers["kp"])
     machine = problem.machine
-    known = replace(machine.servo, kp=kp)
+    before = machine.servo.having(numbers).gain
+    usual = np.median(before if joints.all() else before[~joints])
+    gain = np.where(joints & problem.varied[problem.at("kp")], usual, before)
+    known = machine.servo.having(machine.servo.by_gain(gain))
     plain = drop_follower_friction(machine.robot)
     held = find_held(CommandedRobot(machine.robot, plain, known), problem.windows)
     grid = _list_numbers(machine, known, problem.logs[0])
@@ -168,8 +169,9 @@ def balance_torque(
 
     The squares are those of the servo's law, one joint at a time.
 
-    The torque kp (q_cmd − q) is that of gravity, inertia, viscous and dry friction. An unknown gain
-    is the one with which gravity is the file's. Joints that feel no gravity get the median gain.
+    The torque kp (q_cmd − q), or kv (dq_cmd − dq), is that of gravity, inertia, viscous and dry
+    friction. An unknown gain is the one with which gravity is the file's. Joints that feel no
+    gravity get the median gain.
 
     Parameters
     ----------
@@ -182,19 +184,19 @@ def balance_torque(
     rows = [_balance_rows(machine, window, delay) for window in windows]
     late, v, a, gravity, moves = (np.concatenate(x) for x in zip(*rows, strict=True))
     numbers = machine.numbers()
+    unknown = np.isnan(servo.gain)
     slope = np.zeros((4, v.shape[1]))
     for j in np.flatnonzero(moves.any(0)):
         used = moves[:, j]
         signs = np.sign(v[used, j])
         motion = [signs, v[used, j], a[used, j]]
-        if np.isnan(servo.kp[j]):
+        if unknown[j]:
             target = late[used, j]
             columns = np.stack([*motion, gravity[used, j]], axis=1)
         else:
-            target = servo.kp[j] * late[used, j] - gravity[used, j]
+            target = servo.gain[j] * late[used, j] - gravity[used, j]
             columns = np.stack([*motion, np.ones(used.sum())], axis=1)
         slope[:, j] = np.linalg.lstsq(columns, target, rcond=None)[0]
-    unknown = np.isnan(servo.kp)
     # Gravity that moves a joint by less than the noise of positions does not determine its gain.
     turned = slope[3] * np.sqrt(np.mean(gravity**2, axis=0))
     noise = [encoder_noise(window.rows) for window in windows]
@@ -206,12 +208,12 @@ def balance_torque(
     # About an upright axis hardly any gravity is left, whose slope is that of other torque.
     felt = np.sqrt(np.mean(gravity**2, axis=0)) / usual
     told &= felt > np.max(noise, axis=0)
-    gains = np.where(unknown, np.where(told, gains, usual), servo.kp)
+    gains = np.where(unknown, np.where(told, gains, usual), servo.gain)
     factor = np.where(unknown, gains, 1.0)
     dry, viscous, inertia, offset = factor * slope
     bodies = machine.inertia(windows[0].rows.q.mean(0)) - numbers["Ia"]
     rotor = np.maximum(inertia - bodies, 0.0)
-    damping = np.maximum(viscous - machine.servo.kv, 0.0)
+    damping = np.maximum(viscous - machine.servo.kv * (servo.kp != 0), 0.0)
     friction = np.maximum(dry, 0.0)
     offsets = np.where(unknown, 0.0, offset)
     balanced = {
@@ -220,7 +222,7 @@ def balance_torque(
         "Fv": damping,
         "Fc": friction,
         "off": offsets,
-        "kp": gains,
+        **machine.servo.by_gain(gains),
     }
     return balanced, bool(unknown.all() and not told.any())
 
@@ -230,9 +232,10 @@ def _balance_rows(machine: CommandedRobot, window: Window, delay: float) -> tupl
     log = window.rows
     dt = signals.sampling_step(log.t)
     v = starting_speeds(log)
-    late = acting(log, machine.servo, log.t, dt, delay) - log.q
+    followed = np.where(machine.servo.kp == 0, v, log.q)
+    late = acting(log, machine.servo, log.t, dt, delay) - followed
     fast = np.abs(v) > 0.5 * np.sqrt(np.mean(v**2, axis=0))
-    moves = fast & window.moves & (machine.servo.kp > 0)
+    moves = fast & window.moves
     return late, v, np.gradient(v, dt, axis=0), machine.gravity(log.q), moves
 
 
@@ -242,8 +245,8 @@ def _list_numbers(machine: CommandedRobot, servo: Servo, log: Log) -> Iterator[M
     A known gain and a frequency determine an inertia. Where no gain is known, the inertia is the
     file's.
     """
-    unknown = np.isnan(servo.kp)
-    kv = machine.servo.kv
+    unknown = np.isnan(servo.gain)
+    order = np.where(servo.kp == 0, 1, 2)
     inertia = machine.inertia(log.q.mean(0))
     numbers = machine.numbers()
     bodies = inertia - numbers["Ia"]
@@ -251,9 +254,10 @@ def _list_numbers(machine: CommandedRobot, servo: Servo, log: Log) -> Iterator[M
     stated = np.where(numbers["Ia"] > 0, inertia, inertia.max())
     highest = np.pi / signals.sampling_step(log.t)
     for frequency in FREQUENCIES[highest > FREQUENCIES]:
-        needed = np.maximum(servo.kp / frequency**2, bodies)
+        needed = np.maximum(servo.gain / frequency**order, bodies)
         total = np.where(unknown, stated, needed)
-        kp = np.where(unknown, stated * frequency**2, servo.kp)
+        gain = np.where(unknown, stated * frequency**order, servo.gain)
+        gains = machine.servo.by_gain(gain)
         for ratio in (0.2, 0.5, 1.0, 2.0, 4.0):
-            damping = np.maximum(2 * total * frequency * ratio - kv, 0.0)
-            yield {**numbers, "Ia": total - bodies, "Fv": damping, "kp": kp}
+            damping = np.maximum(2 * total * frequency * ratio - gains["kv"], 0.0)
+            yield {**numbers, "Ia": total - bodies, "Fv": damping, **gains}

@@ -43,7 +43,7 @@ def _with_torque(log: Log, servo: Servo | None) -> Log:
     if servo is None or not (log.commanded and log.motion_alone):
         return log
     # A recorded rollout has no speeds of another sensor.
-    positions = set_aside_joints(log).without(("dq", "ddq"))
+    positions = set_aside_joints(log, servo).without(("dq", "ddq"))
     return servo_log(positions, servo, servo.delay or 0.0)
 
 
@@ -108,16 +108,21 @@ def replace_servo(log: Log, servo: Servo, other: Servo, later: float = 0.0) -> L
     return replace(log, tau=tau, servo_delay=delay)
 
 
-def set_aside_joints(log: Log) -> Log:
+def set_aside_joints(log: Log, servo: Servo) -> Log:
     """Return a log in which joints that do not follow their commands are no data.
 
-    Such a joint moves as it was measured, so that a rollout moves the other joints.
+    Such a joint moves as it was measured, so that a rollout moves the other joints. Where no servo
+    has kp, commanded positions are left out.
 
     Raises
     ------
     LogError
-        If most joints whose commands move do not follow them.
+        If most joints whose commands move do not follow them, or speeds are followed and missing.
     """
+    if not servo.kp.any():
+        log = log.without(("q_ref",))
+        if log.dq_ref is None:
+            raise LogError(Finding("servos.speeds", log.name, joint=log.joints[0]))
     if log.q_ref is None:
         return log
     most = longest_delay(log)

@@ -433,12 +433,10 @@ class CommandedRobot:
         seeming = np.clip(-servo.lead, 0.0, LITTLE * whole)
         less = 1 - seeming / whole
         offset = numbers["off"]
-        position = self.actuators[servo.kp > 0]
-        if "kp" in numbers:
-            integral = self.servo.integral > 0
-            gains = np.where(integral, servo.integral, servo.kp)
-            model.actuator_gainprm[position, 0] = gains[servo.kp > 0]
-            model.actuator_biasprm[position, 1] = -servo.kp[servo.kp > 0]
+        integral = self.servo.integral > 0
+        gains = np.where(integral, servo.integral, servo.gain)
+        model.actuator_gainprm[self.actuators, 0] = gains
+        model.actuator_biasprm[self.actuators, 1] = -servo.kp
         model.actuator_biasprm[self.actuators, 0] = -offset
         model.actuator_biasprm[self.actuators, 2] = -servo.damping
         ends = np.stack([servo.low - offset, servo.high - offset], axis=1)

@@ -1,7 +1,6 @@
 """Torque that depends on a position: learned where it is, named nowhere else; as one name."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -11,19 +10,14 @@ from identifiability import Noise, Robot, diagnose
 from identifiability.estimation.prediction import predict
 from identifiability.simulation import Campaign, random_trajectory
 
+from .conftest import campaign
+
 NOISE = Noise(additive=0.012, correlation=0.9, encoder=2e-5)
-
-
-@cache
-def source(name="five-bar"):
-    robot = Robot.load(name)
-    rng = default_rng(99)
-    return Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
 
 
 def planted(what, joint):
     """Torque over the position of one joint with a tenth of its torque's size, (N, n)."""
-    c = source()
+    c = campaign("five-bar")
     q = c.move.q[:, joint]
     u = 2 * (q - q.min()) / np.ptp(q) - 1
     angle = 1.2 * u + 0.5
@@ -40,7 +34,7 @@ def planted(what, joint):
 
 
 def find(what, joint, effects):
-    c = source()
+    c = campaign("five-bar")
     logs = c.logs(planted(what, joint), NOISE, default_rng(5))
     return diagnose(c.robot, logs[:4], logs[4:], effects=effects, forward=False, quick=True)
 
@@ -61,7 +55,7 @@ def test_a_curve_is_learned_and_named_with_its_joint(what, joint, effects, named
     """Its error on unseen motion is within a tenth of that without anything planted."""
     d, bare = (find(w, joint, effects) for w in (what, "nothing"))
     assert bare.effects == ()
-    assert named(d) == [("position_torque", (source().robot.joints[joint],))]
+    assert named(d) == [("position_torque", (campaign("five-bar").robot.joints[joint],))]
     # Bodies have most of a spring: without a name the error is 1.3 times that of the noise alone.
     assert d.held_before > 1.25 * d.held_after
     assert d.held_after < 1.1 * bare.held_after
@@ -69,7 +63,7 @@ def test_a_curve_is_learned_and_named_with_its_joint(what, joint, effects, named
     truth = planted(what, joint)[:, joint]
     assert (curve.joint, curve.against) == (joint, "position")
     # What is drawn is the curve, but for what bodies say as well (a constant and their gravity).
-    at = source().move.q[:, joint]
+    at = campaign("five-bar").move.q[:, joint]
     order = np.argsort(at)
     expected = np.interp(curve.x, at[order], truth[order])
     like = np.column_stack([np.ones_like(curve.x), np.sin(curve.x), np.cos(curve.x)])
@@ -84,7 +78,7 @@ def test_a_curve_is_learned_and_named_with_its_joint(what, joint, effects, named
 @pytest.mark.everything
 def test_the_model_that_is_kept_predicts_farther_than_was_fitted_as_was_verified(named):
     """Splines that the fitted motion hardly reaches are anything unless they are smooth."""
-    c = source("palletizer")
+    c = campaign("palletizer")
     hidden = c.hidden(["position_friction@turntable=0.05"])
     logs = c.logs(hidden, NOISE, default_rng(0))
     fitted = max(np.abs(log.q[:, 0]).max() for log in logs[:4])
@@ -125,7 +119,7 @@ def test_a_spring_far_from_its_rest_is_told_from_an_offset_by_its_slope():
 
     A straight curve is that spring as well; noise that bends it once in a hundred names it first.
     """
-    c = source("two-link")
+    c = campaign("two-link")
     q = c.move.q[:, 1]
     hidden = np.zeros_like(c.torque)
     hidden[:, 1] = 0.3 * (8.0 - (q - q.mean()) / np.ptp(q))

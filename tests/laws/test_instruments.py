@@ -12,6 +12,8 @@ from identifiability import (
     prepare_log,
 )
 
+from .test_information import seen_rows
+
 WEIGHTS = np.array([1.0, 0.1, 4.0])
 M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 0], [0, 1]])
 HELD = np.array([0, 0, 0, 3.0, 0])
@@ -32,12 +34,8 @@ def from_information(information, weights):
 @pytest.fixture
 def rows():
     """Noisy columns of three actuators of which two see a part, and what they were exactly."""
-    rng = np.random.default_rng(3)
-    V = rng.normal(size=(600, 3, 5))
-    V[:, 1, 2:] = 0.0
-    V[:, 2, :4] = 0.0
-    W = V + 0.5 * rng.normal(size=V.shape) * (V != 0)
-    tau = V @ [1.0, -2.0, 0.5, 3.0, 0.1] + rng.normal(size=(600, 3)) * [0.1, 1.0, 0.3]
+    V, tau = seen_rows()
+    W = V + 0.5 * np.random.default_rng(4).normal(size=V.shape) * (V != 0)
     return V, W, tau
 
 

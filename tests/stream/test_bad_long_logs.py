@@ -6,17 +6,12 @@ from identifiability import IdentifiabilityError, Log, Robot, analyze
 from identifiability.foundation.engines import Processes
 from identifiability.logs.tables import read_pieces
 
+from ..bad_input.test_logs import cell
+
 
 @pytest.fixture
 def frame(frame_of):
     return frame_of("two-link", periods=4)
-
-
-def cell(frame, row, column, value):
-    """The table with one cell replaced, row counted from 1 as in the sentences."""
-    frame = frame.astype(object)
-    frame.loc[row - 1, column] = value
-    return frame
 
 
 def refusal(action):
