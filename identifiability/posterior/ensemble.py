@@ -41,10 +41,6 @@ class Posterior:
     draws: Array
     stopped: str = ""
 
-    def flat(self) -> Array:
-        """All draws as rows, ``(E K N, p)``."""
-        return self.draws.reshape(-1, self.draws.shape[-1])
-
 
 def sample_posterior(
     target: Target,

@@ -519,7 +519,7 @@ def build_sampler(target: Target) -> ExactSampler:
     # Points that are outside by rounding count as inside: rows and diagonals of matrices have this
     # tolerance. How far outside is inside, as a share of the change by one prior standard
     # deviation.
-    room = TINY * np.abs(both) @ target.proper_prior.sd
+    room = TINY * np.abs(both) @ target.prior.sd
     room[m:] *= np.tile(UPPER % 5 == 0, len(entries) // 10)
     room[:m] -= target.region.least
     region = Cone(both @ target.basis, both @ origin + room, m)

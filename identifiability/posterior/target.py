@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF, or_one
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
@@ -24,26 +24,16 @@ from identifiability.physical.pseudo_inertia import THIN
 
 @frozen
 class Prior:
-    """Independent normal priors; an infinite sd is a flat one.
+    """Independent normal priors.
 
     Attributes
     ----------
     mean : (p,)
-    sd : (p,) > 0, may be infinite where the data determine the parameter
+    sd : (p,) > 0
     """
 
     mean: Array
     sd: Array
-
-    @classmethod
-    def flat(cls, size: int) -> Self:
-        """Know nothing: proper only for parameters that the data determine.
-
-        Parameters
-        ----------
-        size : int
-        """
-        return cls(np.zeros(size), np.full(size, np.inf))
 
     @classmethod
     def around(cls, phi: Array, bodies: np.ndarray, relative: float, floor: Array) -> Self:
@@ -87,14 +77,13 @@ class Prior:
 
 # The posterior of the parameters, in the coordinates where its Gaussian is diagonal.
 #
-# Likelihood: normal errors whose variance is unknown and marginalised. This gives a Student-t in
-# ``‖R phi − z‖``, tempered by the integrated autocorrelation time (IACT) κ of the residual, since n
-# correlated samples weigh as n/κ independent ones. With ``v = κ σ²``:
+# Likelihood: normal errors whose variance v is unknown and marginalised, a Student-t in
+# ``‖R phi − z‖``. The data count independent samples alone (`LeastSquares.likelihood`):
 #
-# v | phi ~ InvGamma((ν + b) / 2, (‖R phi − z‖² + rss_min) / 2), ν = dof / κ, b = rank R phi | v ~
-# Normal (least squares × prior), restricted to the physical set
+# v | phi ~ InvGamma((dof + b) / 2, (‖R phi − z‖² + rss_min) / 2), b = rank R
+# phi | v ~ Normal (least squares × prior), restricted to the physical set
 #
-# At κ = 1 this is the textbook posterior under the prior 1/σ² [Gelman 2013, §14.2].
+# This is the textbook posterior under the prior 1/σ² [Gelman 2013, §14.2].
 
 
 @frozen
@@ -111,9 +100,9 @@ class Diagonal:
     rss_min : float or (K,) [torque²]
         What no parameters explain.
     shape : float
-        ``(ν + b) / 2``, shape of the inverse gamma of the tempered noise variance.
+        ``(dof + b) / 2``, shape of the inverse gamma of the noise variance.
     variance : float, optional [torque²]
-        The tempered noise variance, when it is known.
+        The noise variance, when it is known.
     """
 
     gain: Array
@@ -123,7 +112,7 @@ class Diagonal:
     variance: float | None
 
     def conditional(self, v: Array) -> tuple[Array, Array]:
-        """Gaussian of ``eta`` given the tempered noise variance.
+        """Gaussian of ``eta`` given the noise variance.
 
         Parameters
         ----------
@@ -137,13 +126,13 @@ class Diagonal:
         return self.gain * self.signal / precision, np.sqrt(v[:, None] / precision)
 
     def typical_variance(self, eta: Array) -> Array:
-        """Tempered noise variance (K,) [torque²] that is likely at coordinates ``(K, p)``."""
+        """Noise variance (K,) [torque²] that is likely at coordinates ``(K, p)``."""
         if self.variance is not None:
             return np.full(len(eta), self.variance)
         return self.rss(eta) / 2 / self.shape
 
     def draw_variance(self, eta: Array, rng: np.random.Generator) -> Array:
-        """Draw the tempered noise variance given the parameters.
+        """Draw the noise variance given the parameters.
 
         Parameters
         ----------
@@ -181,10 +170,8 @@ class Target:
     prior : Prior
     region : PhysicalSet
         May have no bodies: then only signs and bounds constrain.
-    iact : float
-        Integrated autocorrelation time of the residual [samples].
     variance : float, optional [torque²]
-        Known noise variance of a sample; without it, it is marginalised.
+        Known noise variance; without it, it is marginalised.
     fixed : Fixed, optional
         Combinations of the p parameters that keep their k values, so that q = p − k coordinates are
         left; `region` must not bound parameters that are fixed individually.
@@ -193,7 +180,6 @@ class Target:
     data: LeastSquares
     prior: Prior
     region: PhysicalSet
-    iact: float = 1.0
     variance: float | None = None
     fixed: Fixed | None = None
 
@@ -202,10 +188,10 @@ class Target:
         """Number of parameters."""
         return self.prior.mean.size
 
-    @cached_property
-    def proper_prior(self) -> Prior:
-        """The prior, with flat parts replaced by normals too wide to matter."""
-        return _make_proper(self.data, self.prior)
+    @property
+    def held(self) -> Fixed:
+        """Combinations that keep their values, be they none."""
+        return self.fixed or Fixed.none(self.size)
 
     @cached_property
     def plane(self) -> tuple[Array, Array]:
@@ -213,14 +199,13 @@ class Target:
 
         A point (p,) from the prior's mean [prior sd], and the free directions (p, q).
         """
-        prior = self.proper_prior
-        fixed = self.fixed or Fixed.none(self.size)
-        return Fixed(fixed.rows, fixed.value - fixed.rows @ prior.mean).span(prior.sd)
+        away = self.held.value - self.held.rows @ self.prior.mean
+        return Fixed(self.held.rows, away).span(self.prior.sd)
 
     @cached_property
     def seen(self) -> Array:
         """Torque (r, q) that a prior sd makes along the plane: the data where a prior is one."""
-        return (self.data.R * self.proper_prior.sd) @ self.plane[1]
+        return (self.data.R * self.prior.sd) @ self.plane[1]
 
     @cached_property
     def rotation(self) -> tuple[Array, Array, Array]:
@@ -236,93 +221,43 @@ class Target:
     @cached_property
     def basis(self) -> Array:
         """(p, q): ``phi = origin + basis @ eta``."""
-        return self.proper_prior.sd[:, None] * self.axes.T
+        return self.prior.sd[:, None] * self.axes.T
 
     @cached_property
     def origin(self) -> Array:
         """The parameters (p,) in the plane that the prior likes best."""
-        prior = self.proper_prior
-        return prior.mean + prior.sd * self.plane[0]
+        return self.prior.mean + self.prior.sd * self.plane[0]
 
     @cached_property
     def root(self) -> Array:
         """(p, q): ``root rootᵀ`` is the covariance with data and prior, without the region."""
-        scaled = self.seen / np.sqrt(self.data.variance * self.iact)
+        scaled = self.seen / np.sqrt(self.data.variance)
         # inv(I + SᵀS) by QR: its diagonal is never negative, however exact the data are.
         rows = np.vstack([np.eye(scaled.shape[1]), scaled])
         factor = np.linalg.qr(rows, mode="r")
-        free = self.proper_prior.sd[:, None] * self.plane[1]
+        free = self.prior.sd[:, None] * self.plane[1]
         return free @ np.linalg.inv(factor)
 
     @cached_property
     def diagonal(self) -> Diagonal:
         """The Gaussian part in coordinates ``eta``."""
         U, s, _ = self.rotation
-        rank = _numerical_rank(self.seen)
+        length = or_one(np.linalg.norm(self.seen, axis=0))
+        rank = int(np.linalg.matrix_rank(self.seen / length, rtol=ROUNDOFF))
         gain, signal = np.zeros((2, len(self.axes)))
         gain[:rank] = s[:rank]
-        tempered = None if self.variance is None else self.variance * self.iact
         seen = (self.data.z - self.data.R @ self.origin) @ U
         signal[:rank] = seen[:rank]
         # Noise-free data leave nothing to estimate a variance from.
         floor = 1e-6 * self.data.unit**2
         rest = np.maximum(np.sum(seen[rank:] ** 2) + self.data.rss_min, floor)
-        shape = (self.data.dof / self.iact + rank) / 2
-        return Diagonal(gain, signal, rest, shape, tempered)
+        shape = (self.data.dof + rank) / 2
+        return Diagonal(gain, signal, rest, shape, self.variance)
 
     def to_phi(self, eta: Array) -> Array:
         """Parameters ``(..., p)`` of coordinates ``(..., q)``."""
-        phi: Array = self.origin + eta @ self.basis.T
-        if self.fixed is None:
-            return phi
-        return self.fixed.impose(phi)
+        return self.held.impose(self.origin + eta @ self.basis.T)
 
     def to_eta(self, phi: Array) -> Array:
         """Coordinates ``(..., q)`` of parameters ``(..., p)``, the nearest of the plane."""
-        return ((phi - self.origin) / self.proper_prior.sd) @ self.axes.T
-
-
-def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
-    """Replace flat priors by normals so wide that they carry 1e-8 of the information.
-
-    Parameters
-    ----------
-    data : LeastSquares
-    prior : Prior
-
-    Raises
-    ------
-    ValueError
-        When a parameter with a flat prior is not determined by the data.
-    """
-    flat = np.isinf(prior.sd)
-    if not flat.any():
-        return prior
-    known = np.where(flat, 0.0, 1 / prior.sd)
-    stacked = np.vstack([data.R / data.unit, np.diag(known)])
-    norms = or_one(np.linalg.norm(stacked, axis=0))
-    U, s, Vt = np.linalg.svd(stacked / norms, full_matrices=False)
-    null = s <= ROUNDOFF * s[0]
-    if null.any():
-        largest = np.abs(Vt[null]).max(axis=0)
-        free = np.flatnonzero(flat & (largest > NEARLY)).tolist()
-        raise ValueError(
-            f"posterior: neither the data nor the prior determine the parameters {free}; "
-            "give a finite prior sd for parameters that the motion does not excite."
-        )
-    spread = np.linalg.norm(Vt.T / s, axis=1) / norms
-    rows = np.concatenate([data.z / data.unit, known * prior.mean])
-    best = Vt.T @ ((U.T @ rows) / s) / norms
-    # A flat prior is a normal this many times wider than the data and other priors.
-    mean = np.where(flat, best, prior.mean)
-    wide = np.where(flat, 1e4 * spread, prior.sd)
-    return Prior(mean, wide)
-
-
-def _numerical_rank(R: Array) -> int:
-    """Rank of the column-scaled matrix ``(r, p)``."""
-    norms = np.linalg.norm(R, axis=0)
-    s = np.linalg.svd(R[:, norms > 0] / norms[norms > 0], compute_uv=False)
-    if s.size:
-        return int(np.sum(s > ROUNDOFF * s[0]))
-    return 0
+        return ((phi - self.origin) / self.prior.sd) @ self.axes.T

@@ -31,7 +31,7 @@ def assert_same_distribution(a, b, sigmas=4.5):
         assert_array_less(np.abs(one - two), sigmas * np.hypot(e1, e2))
 
 
-def sign_target(rng, size=6, signs=3, dof=40.0, prior_sd=np.inf, **options):
+def sign_target(rng, size=6, signs=3, dof=40.0, prior_sd=1e6, **options):
     """Correlated parameters of which some may not be negative, with true values near zero."""
     R = rng.normal(size=(size, size)) + 0.7
     truth = np.where(np.arange(size) < signs, 0.2, rng.normal(size=size))

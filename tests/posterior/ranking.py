@@ -87,7 +87,7 @@ def _observe(sampler, target, eta, rng):
         known = 0.0
         shape = model.shape
     else:
-        scale = NOISE_DOF * target.data.variance * target.iact
+        scale = NOISE_DOF * target.data.variance
         v = scale / rng.chisquare(NOISE_DOF, count)
         known = scale
         shape = model.shape + NOISE_DOF / 2

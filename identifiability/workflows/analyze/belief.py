@@ -6,7 +6,7 @@ A posterior of one model is sampled.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from itertools import compress
 from typing import Any
 
@@ -21,7 +21,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import check_bodies, find_impossible_bodies
-from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
+from identifiability.physical.fitted_model import FittedModel, LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import (
     Convergence,
@@ -100,8 +100,8 @@ class Belief:
     physical: Summary | None
     standard: Mapping[str, Array]
     note: str = ""
-    prior_sd: Array = field(default_factory=lambda: np.empty(0))
-    data_sd: Array = field(default_factory=lambda: np.empty(0))
+    prior_sd: Array = np.empty(0)
+    data_sd: Array = np.empty(0)
 
 
 def believed_interval(draws: Array, nonnegative: np.ndarray, moved: Array | float = 0.0) -> Array:
@@ -296,8 +296,7 @@ def _sample_physical(
     """
     structure = model.structure
     to_x = model.to_x
-    prior = target.prior
-    moving = ~(model.fixed or Fixed.none(target.size)).parameters  # others are not asked
+    moving = ~model.fixed.parameters  # others are not asked
     names = list(compress(structure.columns, moving))
 
     def judge(posterior: Posterior) -> Convergence:
@@ -310,8 +309,7 @@ def _sample_physical(
     posterior = sample_posterior(target, start, rng, enough=enough, progress=progress, **effort)
     summary = _summarise(model, posterior, judge(posterior))
     each = np.moveaxis(posterior.draws, -1, 0)
-    wide = np.diag(np.where(np.isfinite(prior.sd), prior.sd, 0.0))
-    sds = (np.linalg.norm(to_x @ root, axis=1) for root in (wide, target.root))
+    sds = (np.linalg.norm(to_x @ root, axis=1) for root in (np.diag(target.prior.sd), target.root))
     return Belief(summary, dict(zip(structure.columns, each, strict=True)), "", *sds)
 
 
