@@ -7,7 +7,7 @@ enter as constraints.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -63,10 +63,10 @@ class PhysicalSet:
 
     bodies: np.ndarray
     nonnegative: np.ndarray
-    names: Strings = ()
-    columns: Strings = ()
-    mass: Array = field(default_factory=lambda: np.ones(1))
-    length: Array = field(default_factory=lambda: np.full(1, 0.1))
+    names: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
+    mass: Array = np.ones(1)
+    length: Array = np.full(1, 0.1)
     bounds: tuple[Bound, ...] = ()
     functions: tuple[np.ndarray, ...] = ()
 

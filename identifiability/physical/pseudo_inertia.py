@@ -8,6 +8,8 @@ about the origin of the body frame) belong to a real mass distribution exactly w
 is positive semidefinite [Traversaro 2016; Wensing 2017].
 """
 
+from itertools import combinations_with_replacement
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -32,14 +34,10 @@ QUANTITIES = {
 
 def _basis() -> Array:
     basis = np.zeros((10, 4, 4))
-    for column, axis in ((0, 0), (3, 1), (5, 2)):
-        basis[column, [0, 1, 2], [0, 1, 2]] = 0.5
-        basis[column, axis, axis] = -0.5
-    first = (1, (0, 1))
-    second = (2, (0, 2))
-    third = (4, (1, 2))
-    for column, (i, j) in (first, second, third):
-        basis[column, i, j] = basis[column, j, i] = -1.0
+    for column, (i, j) in enumerate(combinations_with_replacement(range(3), 2)):
+        tensor = np.zeros((3, 3))
+        tensor[i, j] = tensor[j, i] = 1.0
+        basis[column, :3, :3] = 0.5 * np.trace(tensor) * np.eye(3) - tensor
     for axis in range(3):
         basis[6 + axis, axis, 3] = basis[6 + axis, 3, axis] = 1.0
     basis[9, 3, 3] = 1.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
@@ -258,12 +258,12 @@ class Change:
     seconds: float = np.nan
     course: tuple[Change, ...] = ()
     gradual: bool = False
-    others: Strings = ()
-    before: Array = field(default_factory=lambda: np.empty(0))
-    before_sd: Array = field(default_factory=lambda: np.empty(0))
+    others: tuple[str, ...] = ()
+    before: Array = np.empty(0)
+    before_sd: Array = np.empty(0)
     share: float = np.nan
     share_sd: float = np.nan
-    felt: FeltTorque = field(default_factory=FeltTorque)
+    felt: FeltTorque = FeltTorque()
     rivals: tuple[tuple[str, str], ...] = ()
     alternatives: tuple[Change, ...] = ()
     parts: tuple[Change, ...] = ()

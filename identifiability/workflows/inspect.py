@@ -7,7 +7,7 @@ read and prepared. It also checks them against the robot file, its limits and ph
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, field, replace
+from dataclasses import asdict, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -350,8 +350,8 @@ class Inspection(OfStructure, Result):
     joints: tuple[JointFact, ...]
     needs: tuple[Need, ...]
     records: tuple[Record, ...] = ()
-    hints: Strings = ()
-    provenance: Mapping[str, str] = field(default_factory=dict)
+    hints: tuple[str, ...] = ()
+    provenance: Mapping[str, str] = {}
     preparation: Preparation = Preparation()
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, field, fields, replace
+from dataclasses import asdict, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias, cast
@@ -418,7 +418,7 @@ class Fit(Keyed, Predicts):
     sides: tuple[Strings, Strings] = ((), ())
     worse: bool = False
     alternatives: Array | float = 0.0
-    servo: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    servo: Mapping[str, tuple[float, float]] = {}
     reading: CarriedReading | None = None
     began: float | None = None
     hints: Strings = ()

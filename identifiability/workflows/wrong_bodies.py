@@ -8,7 +8,6 @@ Wrong torque constants compete with them, and springs whose torque is that of a 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 from functools import partial
 from typing import Literal
 
@@ -49,7 +48,7 @@ class WrongBodies:
     hypotheses: tuple[Hypothesis, ...] = ()
     change: float = 0.0
     sd: float = np.inf
-    springs: Mapping[str, Array] = field(default_factory=dict)
+    springs: Mapping[str, Array] = {}
 
 
 def find_wrong_bodies(fit: Fit) -> WrongBodies:

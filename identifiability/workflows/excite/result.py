@@ -6,7 +6,6 @@ A controller plays it from rest, into the periods, back to rest.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
@@ -174,8 +173,8 @@ class Excitation(Result):
     evaluations: int
     seed: int
     gap: float = np.inf
-    hints: Strings = ()
-    provenance: Mapping[str, str] = field(default_factory=dict)
+    hints: tuple[str, ...] = ()
+    provenance: Mapping[str, str] = {}
 
     @property
     @presented

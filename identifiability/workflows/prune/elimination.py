@@ -16,7 +16,7 @@ Autocorrelated noise hides parameters, so whitened rows choose where there are a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -477,7 +477,7 @@ class Plan:
     suggested: tuple[Move, ...] = ()
     pairs: tuple[Move, ...] = ()
     forced: tuple[Move, ...] = ()
-    kept: frozenset[str] = field(default_factory=frozenset)
+    kept: frozenset[str] = frozenset()
 
 
 @frozen
