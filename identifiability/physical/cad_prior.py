@@ -275,7 +275,7 @@ ROUNDS = 8
 
 
 def load_by_fit(
-    structure: Structure, regression: Regression, engine: Engine, *, named: bool = False
+    structure: Structure, regression: Regression, named: bool = False, *, engine: Engine
 ) -> Structure:
     """Return the structure with loads as a fit has them: the file may be wrong of its robot.
 

@@ -523,10 +523,7 @@ class Case:
         most: int | None = None,
     ) -> Data:
         """Return the prepared logs as they were read, checked; parameters as of `data`."""
-        # Rollouts were calibrated with the cut-off of the logs as they were read.
-        source = self.recordings(run) if recordings.commanded else recordings
-        how = self.common_preparation(self.known_robot(run), source)
-        motion = self.motion(structure, recordings, how)
+        motion = self._choose_motion(structure, recordings, run)
         prepared = self.prepared(structure.robot, motion.recordings, motion.how, run, most)
         if done:
             require_signal(prepared.fitted, done)
@@ -541,6 +538,13 @@ class Case:
             bands.append(self.gathered(structure, recordings, how, rows))
         reading = self.stages.once(seek_reading, *bands)
         return self.stages.once(check_logs, unchecked, reading)
+
+    def _choose_motion(self, structure: Structure, recordings: Recordings, run: Run) -> Motions:
+        """Return logs with the record of the motion that serves best, and one cut-off."""
+        # Rollouts were calibrated with the cut-off of the logs as they were read.
+        source = self.recordings(run) if recordings.commanded else recordings
+        how = self.common_preparation(self.known_robot(run), source)
+        return self.motion(structure, recordings, how)
 
     def widest_band(self, motion: Motions) -> Preparation:
         """Return the preparation with the widest band that the motion allows, for readings.
@@ -560,16 +564,13 @@ class Case:
 
     def read_as(self, data: Data, reading: Reading, run: Run, most: int | None = None) -> Data:
         """Return data under another reading of their logs."""
-        structure = self.stages.once(apply_to_structure, reading, data.structure)
+        structure = self.stages.once(Reading.structure, reading, data.structure)
         recordings = self.stages.once(apply_to_logs, reading, data.recordings, data.structure)
-        source = self.recordings(run) if recordings.commanded else recordings
-        how = self.common_preparation(self.known_robot(run), source)
-        motion = self.motion(data.structure, recordings, how)
+        motion = self._choose_motion(data.structure, recordings, run)
         prepared = self.prepared(structure.robot, motion.recordings, motion.how, run, most)
         unchecked = self.gathered(structure, recordings, motion.how, prepared)
-        return self.stages.once(
-            read_otherwise, self.stages.once(check_logs, unchecked, None), reading
-        )
+        checked = self.stages.once(check_logs, unchecked, None)
+        return self.stages.once(read_otherwise, checked, reading)
 
     def gathered(
         self, structure: Structure, recordings: Recordings, how: Preparation, prepared: Prepared
@@ -621,8 +622,7 @@ class Case:
     def at_fit(self, data: Data, run: Run, *, named: bool = False) -> Data:
         """Return data with load-dependent columns taken at the fitted robot."""
         inputs = data.structure, data.regression, named
-        structure = self.stages.once(linearise, *inputs, run=run)
-        return self.under(data, structure)
+        return self.under(data, self.stages.once(load_by_fit, *inputs, engine=run.engine))
 
     def under(self, data: Data, structure: Structure) -> Data:
         """Return data under another model of the same robot."""
@@ -1085,11 +1085,6 @@ def complete_model(data: Data, shares: Sequence[Share]) -> Data:
     return replace(found, lacked=replace(data.missing, named=rest))
 
 
-def apply_to_structure(reading: Reading, structure: Structure) -> Structure:
-    """Return a structure under the gravity of a reading."""
-    return reading.structure(structure)
-
-
 def apply_to_logs(reading: Reading, recordings: Recordings, structure: Structure) -> Recordings:
     """Return recordings with columns as a reading understands them.
 
@@ -1108,11 +1103,6 @@ def apply_to_logs(reading: Reading, recordings: Recordings, structure: Structure
     both_roles = (recordings.fitted, recordings.held_out)
     fitted, held_out = (tuple(reading.read(log, structure) for log in logs) for logs in both_roles)
     return replace(recordings, fitted=fitted, held_out=held_out, reading=carried)
-
-
-def linearise(structure: Structure, regression: Regression, named: bool, *, run: Run) -> Structure:
-    """Return a structure whose load-dependent columns are taken at the fitted robot."""
-    return load_by_fit(structure, regression, run.engine, named=named)
 
 
 def add_instruments(

@@ -159,9 +159,11 @@ class Naming:
 
     def values(self, k: int) -> tuple[Array, Array]:
         """Return the values of a part (m,) and their covariance (m, m)."""
-        value, covariance = _values_of(self.model, self.terms, k)
+        solution = self.model.solve(self.terms)
+        at = rows_of(self.model, self.terms, k)
+        root = solution.root[:, at]
         unit = self.model.scale[self.terms[k].columns]
-        return value / unit, covariance / np.outer(unit, unit)
+        return solution.value[at] / unit, root.T @ root / np.outer(unit, unit)
 
     def shape_error(self, k: int) -> float:
         """Return the standard error of the shape of a part; nan for a family without a free one.
@@ -447,14 +449,6 @@ def _write_term(judged: Judged, k: int) -> Iterator[Part]:
         if c.place in places:
             gains = places[c.place], judged.unseen.get(term.key, np.nan)
             yield Part(c, term, *gains, find_rivals(judged, k), weight, tuple(nearest[:3]))
-
-
-def _values_of(model: MixedModel, terms: Terms, k: int) -> tuple[Array, Array]:
-    """Return the scaled values of a term (m,) and their covariance (m, m)."""
-    s = model.solve(terms)
-    at = rows_of(model, terms, k)
-    root = s.root[:, at]
-    return s.value[at], root.T @ root
 
 
 def with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:

@@ -39,6 +39,7 @@ from identifiability.logs.prepare.excerpt import most_rows, thin_all
 from identifiability.physical.cad_prior import load_by_fit, resolve_prior, with_loads
 from identifiability.quality.hints import where_outlying
 from identifiability.quality.recordings import Logs, Recordings
+from identifiability.reading import Reading
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
@@ -56,14 +57,7 @@ from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.workflows.analyze.judge import assess_ladder, select_model
 from identifiability.workflows.analyze.ladder import compute_ladder
 from identifiability.workflows.analyze.workflow import SERVOS, say_band
-from identifiability.workflows.case import (
-    Case,
-    Data,
-    apply_to_structure,
-    comparable_entry,
-    look_up_ladder,
-    take_case,
-)
+from identifiability.workflows.case import Case, Data, comparable_entry, look_up_ladder, take_case
 from identifiability.workflows.changes import Change
 from identifiability.workflows.predict import state_reading
 from identifiability.workflows.provenance import state_provenance
@@ -283,12 +277,9 @@ def _with_context(
     # Torque of commands is calibrated with the cut-off.
     band = getattr(found.preparation, "band", None)
     said = () if found.commanded else say_band(band, names=True)
-    hints = (*found.known.hints, *found.hints, *data.hints, *said, *free_again(request.model))
     loads = report_loads(data, full_model(data.structure.base), found.error_after, found.gap)
-    hints = (
-        *loads,
-        *hints,
-    )
+    others = free_again(request.model)
+    hints = (*loads, *found.known.hints, *found.hints, *data.hints, *said, *others)
     if request.prior:
         hints = (found.known.hint, *hints)
     if request.fixed is True:
@@ -477,11 +468,7 @@ def _look_at(case: Case, data: Data) -> tuple[Data, Excerpts]:
 
     samples = move(data.samples, recordings.fitted)
     validation = move(data.validation, recordings.held_out)
-    if not recordings.long:
-        excerpts = (
-            move(excerpts[0], recordings.fitted),
-            move(excerpts[1], recordings.held_out),
-        )
+    excerpts = move(excerpts[0], recordings.fitted), move(excerpts[1], recordings.held_out)
     regression = case.regression(data.structure, samples)
     moved = replace(data, samples=samples, validation=validation, regression=regression)
     return moved, excerpts
@@ -547,7 +534,7 @@ def _under_ladder(case: Case, data: Data, entry: LadderEntry, run: Run) -> Data:
     """Return data under the unpruned model of a ladder, with the same reading."""
     structure = case.structure(data.robot, ladder_model(entry))
     if data.confirmed is not None:
-        structure = case.stages.once(apply_to_structure, data.confirmed, structure)
+        structure = case.stages.once(Reading.structure, data.confirmed, structure)
     return case.at_fit(case.under(data, structure), run)
 
 
@@ -587,16 +574,12 @@ def name_effects(
     run.say("verifying", 0.9)
     found = take_loads(found, run.engine)
     diagnosis = conclude(found, rng)
-    if refutes_omission(diagnosis):
+    omits = diagnosis.problem.left_out and not diagnosis.included
+    if omits and diagnosis.gap.surely_better(0, -1):
         # Without the rows of a change too little motion may be left.
         diagnosis = conclude(judge_all_rows(found, problem), rng)
     hints = (hint,) if hint else ()
     return replace(diagnosis, hints=hints)
-
-
-def refutes_omission(d: Diagnosis) -> bool:
-    """Whether unseen motion refutes the values without the rows of a change."""
-    return bool(d.problem.left_out) and not d.included and d.gap.surely_better(0, -1)
 
 
 def take_loads(naming: Naming, engine: Engine) -> Naming:
@@ -608,7 +591,7 @@ def take_loads(naming: Naming, engine: Engine) -> Naming:
     loaded = is_loaded(naming.completed.parameters)
     if not (naming.parts and loaded and problem.known.tells_nothing):
         return naming
-    fitted = load_by_fit(naming.completed, naming.regression, engine)
+    fitted = load_by_fit(naming.completed, naming.regression, engine=engine)
     loads = fitted.robot.reference
     under = None if problem.under is None else with_loads(problem.under, loads)
     structure = with_loads(problem.structure, loads)
@@ -738,7 +721,7 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
         # The best values stand for the fit of all families.
         each = [*fits[: len(fits) - (0 < n == count)], last]
         gap = naming.predict_unseen(each)
-        if not n or ((problem.fixed or used.predicts) and not _is_refuted(gap, -1)):
+        if not n or ((problem.fixed or used.predicts) and not _is_refuted(gap)):
             break
     held = gap.relative_error().tolist()
     weighed = used.weighed if problem.known.tells_nothing else None
@@ -796,15 +779,9 @@ def find_doubtful(naming: Naming) -> list[int]:
     return [k for k in every if k not in kept]
 
 
-def _is_refuted(gap: Prediction, model: int) -> bool:
-    """Return whether the first model surely errs less on unseen motion than another."""
-    in_joints = gap.surely_better(0, model)
-    return in_joints or gap.surely_better_in_all(0, model, RULES.harmful)
-
-
-def _recommend_plain(naming: Naming) -> Recommended:
-    """Return the plain model, without any named effect."""
-    return naming.problem.recommended or with_parts(naming, ()).best
+def _is_refuted(gap: Prediction) -> bool:
+    """Return whether the first model surely errs less on unseen motion than the last one."""
+    return gap.surely_better(0, -1) or gap.surely_better_in_all(0, -1, RULES.harmful)
 
 
 def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
@@ -829,7 +806,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     placed = _place_families(naming)
     order = [k for own in placed for k in own]
     ends = np.cumsum([len(own) for own in placed]).tolist()
-    plain = _recommend_plain(naming)
+    plain = problem.recommended or with_parts(naming, ()).best
     plain_fit = naming.of(problem.plain)
     later_fits = (naming.fit(order[:n]) for n in ends)
     fits = [plain_fit @ plain.base, *later_fits]
@@ -913,7 +890,7 @@ def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
 def _place(naming: Naming, k: int) -> Placement:
     """Return the placement of a part: values, torque, odds and rivals."""
     part = naming.parts[k]
-    c = naming.parts[k].candidate
+    c = part.candidate
     value, covariance = naming.values(k)
     if c.positive:
         value = np.maximum(value, 0.0)
