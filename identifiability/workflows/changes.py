@@ -168,27 +168,28 @@ class FeltTorque:
             rows = acting & seen.data[:, j]
             if not rows.any():
                 continue
-            none = np.zeros(len(seen.y))
-            parts = [found.missing.entries.get((j, k), none)[rows] for k in columns.tolist()]
-            torque = np.column_stack(parts)
+            torque = _columns_in(found, j, columns)[rows]
             gram = torque.T @ torque / max(len(torque), 1)
             rms = float(np.sqrt(max(sizes @ gram @ sizes, 0.0)))
             if out.joint and not rms > abs(out.rms):
                 continue
             slope = gram @ sizes / rms if rms > 0 else np.zeros(len(sizes))
             squares = np.mean(seen.raw[seen.data[:, j], j] ** 2)
-            before = float(np.sqrt(squares))
-            signed = float(np.copysign(rms, sizes[0]))
-            error = float(np.sqrt(slope @ spread @ slope))
-            unit = seen.robot.torque_units[j]
             out = FeltTorque(
                 joint=joint,
-                unit=unit,
-                rms=signed,
-                sd=error,
-                before=before,
+                unit=seen.robot.torque_units[j],
+                rms=float(np.copysign(rms, sizes[0])),
+                sd=float(np.sqrt(slope @ spread @ slope)),
+                before=float(np.sqrt(squares)),
             )
         return out
+
+
+def _columns_in(found: Differences, joint: int, columns: np.ndarray) -> Array:
+    """Return some columns (q,) in a joint, (N, q); zero where they do not act."""
+    none = np.zeros(len(found.missing.seen.y))
+    parts = [found.missing.entries.get((joint, k), none) for k in columns.tolist()]
+    return np.column_stack(parts)
 
 
 # `Change`: a difference with size, place and time.
@@ -528,11 +529,8 @@ def _measure_change(
         own = columns[some]
         felt = FeltTorque.of(found, own, sizes, spread)
         share = _share_of(found, own, levels[own], sizes, spread)
-        if (
-            first.kind == "friction"
-            and np.isfinite(share[0])
-            and len(set(owners[some].tolist())) == 1
-        ):
+        alone = len(set(owners[some].tolist())) == 1
+        if first.kind == "friction" and np.isfinite(share[0]) and alone:
             friction = _rms_friction(found, terms, value, own, levels, felt.joint)
             share = np.nan, np.nan
             if friction:  # the joint had some friction before
@@ -626,26 +624,19 @@ def _with_companions(
     """
     first = terms[which[0]]
     own = found.whose(first)
-    out = terms
     at = list(which)
     if own.kind == "load" and own.pattern:
         return (*terms, *_list_drifting_gains(found, terms, first)), at
     if own.kind != "friction" or not own.pattern:
-        return out, at
+        return terms, at
     taken = {t.key for t in terms}
     for group in found.groups:
         other = found.candidate_of(group)
-        other_place = (other.kind, other.pattern, group.place)
-        own_place = (
-            own.kind,
-            own.pattern,
-            first.group.place,
-        )
-        alike = other_place == own_place
-        if alike and group.key not in taken:
-            at.append(len(out))
-            out = (*out, replace(first, group=group, member=0))
-    return out, at
+        alike = (other.kind, other.pattern) == (own.kind, own.pattern)
+        if alike and group.place == first.group.place and group.key not in taken:
+            at.append(len(terms))
+            terms = (*terms, replace(first, group=group, member=0))
+    return terms, at
 
 
 def _list_drifting_gains(found: Differences, terms: Terms, load: Term) -> Terms:
@@ -683,9 +674,7 @@ def _share_of(
     norms = found.missing.seen.torque_norm
     slope = np.zeros(len(columns))
     for j in np.flatnonzero(norms > 0).tolist():
-        none = np.zeros(len(found.missing.seen.y))
-        parts = [found.missing.entries.get((j, k), none) for k in columns.tolist()]
-        torque = np.stack(parts, axis=1) / norms[j]
+        torque = _columns_in(found, j, columns) / norms[j]
         slope += (torque @ levels) @ torque
     slope /= max(float(slope @ levels), TINY)
     share = float(slope @ sizes)

@@ -93,8 +93,9 @@ def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
 # `TorquePrediction`: the torque of a fitted model along logs, and the measured torque.
 
 
-#: Fields of a prediction that hold torque.
+#: Fields of a prediction that hold torque, and half widths of its intervals.
 TORQUES = ("tau", "raw", "predicted")
+WIDTHS = ("mean", "low", "new")
 
 
 @frozen(kw_only=True)
@@ -181,24 +182,18 @@ class TorquePrediction(Result):
         Torque that the sidecar states, or that the columns lack, is taken off again.
         """
         carried = self.fit.reading
-        lacking = np.broadcast_to(self.lacking, self.predicted.shape)
-        columns: dict[str, Any]
+        columns: dict[str, Any] = {name: getattr(self, name) - self.lacking for name in TORQUES}
         if carried is None:
-            columns = {name: getattr(self, name) - lacking for name in TORQUES}
             return replace(self, **columns)
-        columns = {name: np.empty(lacking.shape) for name in TORQUES}
-        widths: dict[str, Any] = {name: np.empty(lacking.shape) for name in ("mean", "low", "new")}
-        known = np.empty_like(self.known)
+        columns |= {name: np.array(getattr(self, name)) for name in WIDTHS}
+        known = np.array(self.known)
         for k in range(len(self.logs)):
             rows = self.log == k
+            t = self.t[rows]
             for name, column in columns.items():
-                torque = getattr(self, name)[rows] - lacking[rows]
-                column[rows] = carried.as_logged(self.t[rows], torque)
-            for name, width in widths.items():
-                torque = getattr(self, name)[rows]
-                width[rows] = carried.as_logged(self.t[rows], torque, width=True)
-            known[rows] = carried.known_as_logged(self.t[rows], self.known[rows])
-        return replace(self, known=known, **columns, **widths)
+                column[rows] = carried.as_logged(t, column[rows], width=name in WIDTHS)
+            known[rows] = carried.known_as_logged(t, known[rows])
+        return replace(self, known=known, **columns)
 
     @property
     def error_ra(self) -> float:
