@@ -63,8 +63,8 @@ class PhysicalSet:
 
     bodies: np.ndarray
     nonnegative: np.ndarray
-    names: tuple[str, ...] = ()
-    columns: tuple[str, ...] = ()
+    names: Strings = ()
+    columns: Strings = ()
     mass: Array = np.ones(1)
     length: Array = np.full(1, 0.1)
     bounds: tuple[Bound, ...] = ()

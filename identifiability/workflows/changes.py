@@ -259,7 +259,7 @@ class Change:
     seconds: float = np.nan
     course: tuple[Change, ...] = ()
     gradual: bool = False
-    others: tuple[str, ...] = ()
+    others: Strings = ()
     before: Array = np.empty(0)
     before_sd: Array = np.empty(0)
     share: float = np.nan

@@ -350,7 +350,7 @@ class Inspection(OfStructure, Result):
     joints: tuple[JointFact, ...]
     needs: tuple[Need, ...]
     records: tuple[Record, ...] = ()
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     provenance: Mapping[str, str] = {}
     preparation: Preparation = Preparation()
 

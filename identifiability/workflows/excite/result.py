@@ -173,7 +173,7 @@ class Excitation(Result):
     evaluations: int
     seed: int
     gap: float = np.inf
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     provenance: Mapping[str, str] = {}
 
     @property
