@@ -26,6 +26,8 @@ Array = NDArray[Any]
 #: Names or sentences in order; and numbers by name, such as values by parameter.
 Strings: TypeAlias = tuple[str, ...]
 NumberByName: TypeAlias = Mapping[str, float]
+#: An object of JSON, by its keys.
+Json: TypeAlias = dict[str, Any]
 
 #: Inertial parameters of a body in Pinocchio's order: mass, first moments, and the *tensor*
 #: entries of inertia (Ixy = -∫xy dm) about the origin of the body's joint frame.

@@ -24,7 +24,7 @@ from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array, NumberByName
+from identifiability.foundation.names import Array, Json, NumberByName
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
@@ -409,7 +409,7 @@ def state_mass(
     )
 
 
-def mass_rows(robot: Robot, parameters: NumberByName) -> list[dict[str, Any]]:
+def mass_rows(robot: Robot, parameters: NumberByName) -> list[Json]:
     """Return of each body and of all its mass and the robot file's [kg].
 
     Parameters
@@ -481,7 +481,7 @@ def real_robot_dict(
     errors: Sequence[float] = (np.nan,) * 5,
     samples: Sequence[Dataset] = (),
     cad_weight: float = 0.0,
-) -> dict[str, Any]:
+) -> Json:
     """Return a physically consistent robot as plain values, as `export` reads them.
 
     Parameters

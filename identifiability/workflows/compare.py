@@ -7,13 +7,13 @@ logs only. Effects that all logs may lack are groups, too.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, name_estimates
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.options import checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
@@ -143,7 +143,7 @@ class Comparison(OfStructure, Result):
             return f"{told}."
         return ""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the comparison in the documented JSON schema."""
         own = ["statement", "before", "after", "days"]
         named = {name: getattr(self, name) for name in own}
@@ -160,7 +160,7 @@ class Comparison(OfStructure, Result):
         }
 
 
-def _change_record(change: Change) -> dict[str, Any]:
+def _change_record(change: Change) -> Json:
     """Return a change with its numbers, the torque of it, and competing hypotheses."""
     size, sd = change.relative
     columns = (change.names, change.units, change.sizes, change.sd)
@@ -189,7 +189,7 @@ def _change_record(change: Change) -> dict[str, Any]:
     }
 
 
-def _unchanged_record(number: Unchanged) -> dict[str, Any]:
+def _unchanged_record(number: Unchanged) -> Json:
     """Return a number that did not change, with the least change that would be named."""
     felt = {"size": number.felt.rms, **_joint_of(number.felt)}
     return {

@@ -18,7 +18,7 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.options import checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml
@@ -231,7 +231,7 @@ class Record:
     tau: Array
     held_out: bool = False
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the content of the log for JSON, with None for unknown entries."""
         joints = self.joints.to_dict("records")
         return {
@@ -280,7 +280,7 @@ def _describe_use(robot: Robot, log: Log, prepared: Dataset) -> dict[str, Array]
     return found
 
 
-def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
+def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> Json:
     """Return samples and steps of a log, and how many samples are used."""
     clock = log.clock
     survey = prepared.survey
@@ -301,7 +301,7 @@ def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
     }
 
 
-def _describe_range(robot: Robot, q: Array) -> dict[str, Any]:
+def _describe_range(robot: Robot, q: Array) -> Json:
     """Return the range of each joint, the share of its limits, and the units of its columns."""
     used = np.ptp(q, axis=0)
     allowed = np.diff(robot.limits, axis=1)[:, 0]
@@ -372,7 +372,7 @@ class Inspection(OfStructure, Result):
         """Return one row a base parameter: name, unit and the standard parameters grouped in it."""
         raise NotImplementedError
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the result in its documented JSON schema."""
         robot = self.robot
         instead = list(required_columns(self.motors)) if self.motors else []

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Literal, get_type_hints
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import Json
 from identifiability.foundation.options import FilePath, OptionError, check_option, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
 from identifiability.foundation.result import Result
@@ -131,7 +132,7 @@ def run_task(
     return row | {"failed": said}, b"", b""
 
 
-def _state(told: Mapping[str, Any]) -> dict[str, Any]:
+def _state(told: Mapping[str, Any]) -> Json:
     """Return the table entries of a result from its JSON."""
     if "models" not in told:  # a diagnosis
         effects = ((" or ".join([e["effect"], *e["or"]]), e["joints"]) for e in told["effects"])
@@ -188,7 +189,7 @@ class Fleet(Result):
         """Robots without an answer, with the reason."""
         return {row["robot"]: row["failed"] for row in self.rows if row["failed"]}
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the answers in their documented JSON schema."""
         head = {"schema": self.schema, "verb": self.verb, "statement": self.statement}
         return {**head, "robots": [dict(row) for row in self.rows]}

@@ -28,7 +28,7 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, Strings
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, Json, Strings
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml
@@ -534,7 +534,7 @@ class Load(Result):
                 details={},
             )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the load in the documented JSON schema."""
         own = ["model", "body", "statement", "logs", "without", "caveats"]
         quantities = [{**asdict(q), "told": q.told} for q in self.quantities]

@@ -26,7 +26,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
-from identifiability.foundation.names import BASE, Array, NumberByName, Strings
+from identifiability.foundation.names import BASE, Array, Json, NumberByName, Strings
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result, by_name
@@ -76,7 +76,7 @@ def state_missing(functions: Sequence[str]) -> Strings:
     return ()
 
 
-def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
+def list_missing(found: MissingEffects) -> list[Json]:
     """Return the named missing effects for JSON."""
     return [
         {
@@ -235,7 +235,7 @@ class TorquePrediction(Result):
         """Return one row a joint: relative error, error in N or N·m, and coverage of intervals."""
         raise NotImplementedError
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return errors and shares in the documented JSON schema; samples go to `write`."""
         joints = self.error_frame().to_dict("records")
         logs = [
@@ -475,7 +475,7 @@ class Fit(Keyed, Predicts):
         """Return a description in one line."""
         return f"<Fit: {len(self.names)} values of '{self.submodel.name}' for {self.robot.name}>"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the entries that `read_fit` reads, as plain values."""
         entry = model_entry(self.submodel, self.structure)
         model = entry.model_dump(by_alias=True, exclude_none=True)
@@ -1250,7 +1250,7 @@ class PositionPrediction(Result):
             parts.append(pd.DataFrame(columns))
         return write_table(path, pd.concat(parts, ignore_index=True))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the answer in its documented JSON schema."""
         rollouts = []
         for run, error in zip(self.runs, self.totals.tolist(), strict=True):
@@ -1286,7 +1286,7 @@ class PositionPrediction(Result):
         """A sentence on the errors of the file's and of the fitted robot."""
         raise NotImplementedError
 
-    def to_rollout(self) -> dict[str, Any]:
+    def to_rollout(self) -> Json:
         """Return the prediction for the JSON of the fitted robot's result."""
         servo, (file, own, *_) = self.robot.servo, self.totals.tolist()
         gains = servo.by_joint(self.robot.joints) if servo and servo.source == FOUND else {}

@@ -30,7 +30,7 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF, or_one, triangular_factor
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset

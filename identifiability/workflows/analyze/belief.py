@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import compress
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,7 +16,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Flag, Verdict, narrow
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Json
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.physical.feasibility import check_bodies, find_impossible_bodies
@@ -151,7 +150,7 @@ def refine_verdicts(verdicts: Sequence[Verdict], belief: Belief) -> tuple[Verdic
     return tuple(out)
 
 
-def belief_dict(names: Sequence[str], belief: Belief | None) -> dict[str, Any] | None:
+def belief_dict(names: Sequence[str], belief: Belief | None) -> Json | None:
     """Return a belief for JSON; numbers of a chain that did not converge are withheld."""
     if belief is None:
         return None
@@ -159,7 +158,7 @@ def belief_dict(names: Sequence[str], belief: Belief | None) -> dict[str, Any] |
     return {"note": belief.note, "physical": physical}
 
 
-def _physical_dict(names: Sequence[str], summary: Summary) -> dict[str, Any]:
+def _physical_dict(names: Sequence[str], summary: Summary) -> Json:
     """Return the physical posterior for JSON."""
     c = summary.convergence
     rhats = np.max(c.rhat)

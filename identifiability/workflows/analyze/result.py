@@ -31,7 +31,7 @@ from identifiability.foundation import handed
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Json, Strings
 from identifiability.foundation.options import OptionError, check_choice
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
@@ -182,7 +182,7 @@ class ModelResult:
         verdicts = withdraw(self.verdicts, why)
         return replace(self, verdicts=verdicts)
 
-    def row(self) -> dict[str, Any]:
+    def row(self) -> Json:
         """Return the model as one row of the ladder."""
         counted = self.estimate.paper_rule.sum()
         identifiable = self.count(Class.IDENTIFIABLE)
@@ -204,7 +204,7 @@ class ModelResult:
             "condition": self.estimate.condition,
         }
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Json]:
         """Return its parameters as rows: verdicts, and the values that are used of them."""
         pairs = zip(self.verdicts, self.recommended.tolist(), self.departures, strict=True)
         return [{**v.to_row(), "used": x, "used_because": text} for v, x, text in pairs]
@@ -318,7 +318,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
                 details={},
             )
 
-    def _unobserved(self) -> list[dict[str, Any]]:
+    def _unobserved(self) -> list[Json]:
         """Return the parameters that no sensor observes, as rows of JSON."""
         told = {
             "verdict": Class.NOT_IDENTIFIABLE.value,
@@ -430,7 +430,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         raise NotImplementedError
 
     @cached_property
-    def real_robot(self) -> dict[str, Any]:
+    def real_robot(self) -> Json:
         """The nearest physically consistent robot as plain values, as `export` reads them."""
         used = self.chosen
         real = self.chosen.physical
@@ -492,7 +492,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         check_choice("model", name, names)
         return names.index(name)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the result in the documented JSON schema."""
         used = self.chosen
         logs = (*self.samples, *self.validation)
@@ -528,7 +528,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             return found
         return found | {"rollout": self.moved.to_rollout()}
 
-    def _errors(self) -> dict[str, Any]:
+    def _errors(self) -> Json:
         """Return the errors by joint and by log, for JSON."""
         errors = self.error_frame()
         joints, logs = (errors[errors["of"] == kind] for kind in ("joint", "log"))
@@ -537,7 +537,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         both = {"joints": joints.to_dict("records"), "logs": logs.to_dict("records")}
         return both | {"left_out": self.left_out}
 
-    def _physical(self) -> dict[str, Any]:
+    def _physical(self) -> Json:
         """Return the nearest physically consistent robot of the model to use, for JSON."""
         used = self.chosen
         margin = used.physical.margin if used.physical else None
@@ -620,7 +620,7 @@ class Analysis(Laddered[ModelResult]):
     alternative: Reading | None = None
     profiles: tuple[Profile, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the result in the documented JSON schema."""
         base = self.base
         chosen = self.chosen

@@ -9,13 +9,14 @@ the errors of the log.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.keyed import Row
+from identifiability.foundation.names import Json
 from identifiability.foundation.options import Repeated, Replicates, Seed, checked, resolve_count
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
@@ -87,7 +88,7 @@ class Calibration(Result):
         """Yield the coverage of each parameter's 95 % interval, a share with its own interval."""
         raise NotImplementedError
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the result for JSON."""
         parameters = len(self.cell.names)
         cells = [self.cell.to_dict()]

@@ -28,7 +28,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import filter_from_rest
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
@@ -232,7 +232,7 @@ class Cell:
         )
         return tuple(name for name, share in pairs if share.high < LEVEL)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the cell for JSON."""
         pairs = zip(self.names, self.each, strict=True)
         each = [{"name": n, "coverage": s.value, "interval95": [s.low, s.high]} for n, s in pairs]

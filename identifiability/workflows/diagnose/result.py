@@ -20,7 +20,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.output import write_text
 from identifiability.foundation.presenter import present, presented
 from identifiability.foundation.result import Result
@@ -422,7 +422,7 @@ class Diagnosis(Result, Predicts):
         return "" if known is None else state_mass(self.robot, known.values, known.cad_weight)
 
     @cached_property
-    def physical(self) -> dict[str, Any]:
+    def physical(self) -> Json:
         """The physical robot nearest to the data with the named effects, as `export` reads it."""
         with one_thread("blas"):  # the same bits however many threads there are
             return nearest_dict(self)
@@ -493,7 +493,7 @@ class Diagnosis(Result, Predicts):
         """
         raise NotImplementedError
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the result in the documented JSON schema."""
         logs, forward = (*self.samples, *self.validation), self.forward
         stated = pick(self, "fixed", "statement", "hints", "seed", "physical")
@@ -520,7 +520,7 @@ class Diagnosis(Result, Predicts):
             found["bending"] = self.bending.to_dict()
         return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
 
-    def _missing(self) -> dict[str, Any]:
+    def _missing(self) -> Json:
         """Return missing effects, refuted effects and the unexplained residual, for JSON."""
         rms = {x.joint: x.rms for x in self.discrepancies}
         effects = [_effect_row(e) for e in self.effects]
@@ -539,7 +539,7 @@ class Diagnosis(Result, Predicts):
             "evidence": [_odds_row(x) for x in self.evidence],
         }
 
-    def _roles(self) -> dict[str, Any]:
+    def _roles(self) -> Json:
         """Return the logs that chose, verified and were left out, for JSON."""
         fitted = list(given_paths(self.samples))
         verified_logs = list(given_paths(self.validation))
@@ -554,24 +554,24 @@ class Diagnosis(Result, Predicts):
         }
 
 
-def pick(value: Any, *names: str, **renamed: str) -> dict[str, Any]:
+def pick(value: Any, *names: str, **renamed: str) -> Json:
     """Return some attributes for JSON, by their names or by other names."""
     every = dict(zip(names, names, strict=True)) | renamed
     fields = {new: getattr(value, name) for new, name in every.items()}
     return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}
 
 
-def _forward_row(gap: ForwardGap) -> dict[str, Any]:
+def _forward_row(gap: ForwardGap) -> Json:
     errors = pick(gap, "error_before", "error_after", change_interval95="interval")
     return {**pick(gap, "horizon", "note"), "stretches": len(gap.before), **errors}
 
 
-def _odds_row(x: Odds) -> dict[str, Any]:
+def _odds_row(x: Odds) -> Json:
     after = x.after if np.isfinite(x.after) else None
     return {"effect": x.name, "place": x.place, "log_odds": x.before, "log_odds_after": after}
 
 
-def _change_row(c: Change) -> dict[str, Any]:
+def _change_row(c: Change) -> Json:
     """Return a change for JSON, without an instant that was not logged."""
     ends = {"from": [c.start], "to": [c.stop], "from95": c.began, "to95": c.ended}
     known = {name: [x if np.isfinite(x) else None for x in at] for name, at in ends.items()}
@@ -589,7 +589,7 @@ def _change_row(c: Change) -> dict[str, Any]:
     }
 
 
-def _effect_row(e: NamedEffect) -> dict[str, Any]:
+def _effect_row(e: NamedEffect) -> Json:
     """Return an effect as JSON has it."""
     verified = {
         "error_ra_validation_before": "before",
@@ -740,7 +740,7 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     return Physical(structure, values)
 
 
-def nearest_dict(d: Diagnosis) -> dict[str, Any]:
+def nearest_dict(d: Diagnosis) -> Json:
     """Return the physical robot with the named effects, with its errors on the fitted logs."""
     structure, known = d.completed, None if d.forward is None else d.forward.nearest
     try:

@@ -28,7 +28,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.runs import First, Progress, Run, quiet
 from identifiability.foundation.values import frozen
@@ -301,7 +301,7 @@ def _with_context(
     return found.moved_by(data.recordings)
 
 
-def _list_options(case: Case, request: Request, found: Diagnosis) -> dict[str, Any]:
+def _list_options(case: Case, request: Request, found: Diagnosis) -> Json:
     """Return the options that decided the numbers."""
     kept = request.fixed
     model = request.model

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from scipy.special import ndtr
@@ -22,7 +22,7 @@ from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY, TINY
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
 from identifiability.foundation.presenter import presented
@@ -91,7 +91,7 @@ class NextMotion:
         """Write a trajectory file: ``identifiability simulate ROBOT FILE.json`` follows it."""
         return write_json(path, self.to_dict())
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return a trajectory file with the properties of the motion."""
         told = {"separates": list(self.names), "chance": self.chance}
         told |= {"before": self.before, "periods": self.periods}

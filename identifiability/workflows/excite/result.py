@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
 from identifiability.foundation.presenter import presented
@@ -227,7 +227,7 @@ class Excitation(Result):
                 return motion
         raise LogError(Finding("excite.rest", motion=path.name, robot=self.robot.name))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return a trajectory file with the properties of the trajectory."""
         path = self.trajectory
         places = enumerate(self.limits.joints)

@@ -10,7 +10,7 @@ import numpy as np
 
 from identifiability.estimation.verdict import Class, Flag
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import INERTIAL_KINDS, Strings
+from identifiability.foundation.names import INERTIAL_KINDS, NumberByName, Strings
 from identifiability.foundation.quoting import for_terminal
 from identifiability.foundation.rounding import format_number, measured
 from identifiability.physical.rules import RULES

@@ -16,7 +16,7 @@ import numpy as np
 
 from identifiability.effects import FAMILIES, AlongAxes
 from identifiability.effects.effect import POSTURES, RESTS, SPEEDS
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Json
 from identifiability.foundation.output import write_text
 from identifiability.foundation.quoting import for_python
 from identifiability.robot import Robot
@@ -102,7 +102,7 @@ def _find_parts(whole: Robot, alone: Robot, axis: Axis) -> Parts:
     return parts
 
 
-def _tabulate(robot: Robot, axis: Axis, parts: Parts, friction: float) -> dict[str, Any]:
+def _tabulate(robot: Robot, axis: Axis, parts: Parts, friction: float) -> Json:
     """Return the tables of a joint: dry friction and torque, over speed and over position.
 
     Parameters

@@ -35,7 +35,13 @@ from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.findings import of_key, phrase
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, Strings
+from identifiability.foundation.names import (
+    GROUPED_KINDS,
+    INERTIAL_KINDS,
+    Array,
+    NumberByName,
+    Strings,
+)
 from identifiability.foundation.options import Expected, ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.presenter import presented
@@ -536,7 +542,7 @@ def _describe(
     )
 
 
-def _describe_joints(robot: Robot, content: ResultEntry, given: Mapping[str, float]) -> Strings:
+def _describe_joints(robot: Robot, content: ResultEntry, given: NumberByName) -> Strings:
     """Return a line for each joint of a result: its numbers with their reliability."""
     gains = content.fit.servo if content.fit else {}
     weight = content.physical.cad_prior if content.rollout is not None else 0.0

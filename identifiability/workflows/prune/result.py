@@ -1,11 +1,12 @@
 """`Ladder`: the models from the unpruned model down, which one to use, and why."""
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import percent_of
 from identifiability.foundation.findings import phrase
+from identifiability.foundation.names import Json
 from identifiability.foundation.output import write_text
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
@@ -85,7 +86,7 @@ class PrunedModel(ModelResult):
         """Return the number of parameters."""
         return len(self.submodel)
 
-    def row(self) -> dict[str, Any]:
+    def row(self) -> Json:
         """Return the model as one row of the ladder."""
         move = self.step.move
         text = move.text if move is not None else ""
@@ -126,7 +127,7 @@ class Ladder(Laddered[PrunedModel]):
     refused: tuple[Refusal, ...]
     source: LadderSource
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the result as plain values."""
         refused = [
             {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
