@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -36,6 +37,11 @@ NEARLY = 1e-6
 def or_one(sizes: Array) -> Array:
     """Return sizes by which is divided: 1 for those that are zero."""
     return np.where(sizes > 0, sizes, 1.0)
+
+
+def rms_of(x: Array, axis: int | None = None) -> Any:
+    """Return the root mean square, of all values or along an axis."""
+    return np.sqrt(np.mean(x**2, axis=axis))
 
 
 def few_at_once(count: int, nbytes: int) -> Iterator[slice]:

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
+import numpy as np
 from numpy.typing import NDArray
 
 from .values import frozen
@@ -43,7 +44,14 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 #: Owner of the parameters of no joint or body: the tilt of the base.
 BASE = "base"
 
+
 _INERTIAL_UNITS = {"m": "kg", "mx": "kg·m", "my": "kg·m", "mz": "kg·m"}
+
+
+def name_each(names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
+    """Return values by name; those of an array as plain numbers."""
+    plain = values.tolist() if isinstance(values, np.ndarray) else values
+    return dict(zip(names, plain, strict=True))
 
 
 @frozen

@@ -24,7 +24,7 @@ from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array, Json, NumberByName
+from identifiability.foundation.names import Array, Json, NumberByName, name_each
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
@@ -291,8 +291,8 @@ def load_by_fit(
         fit = find_estimator("wls").fit(rows := with_known(rows, structure.known))
         data = LeastSquares.of_fit(rows, fit).through(structure.G)
         both = data.R / data.unit, data.z / data.unit, np.eye(len(structure.columns))
-        phi = combine_with_file(structure, *both, RULES.body_within).mean.tolist()
-        known = dict(zip(structure.columns, phi, strict=True))
+        phi = combine_with_file(structure, *both, RULES.body_within).mean
+        known = name_each(structure.columns, phi)
         loads = complete_values(structure.robot, known, keep=False)
         structure = with_loads(structure, loads)
         if loaded:

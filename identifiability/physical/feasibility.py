@@ -16,7 +16,7 @@ from identifiability.estimation.evidence import LEVELS, Evidence, Folds, HeldOut
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF, or_one
-from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.foundation.names import GROUPED_KINDS, Array, name_each
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel, leave_to_terms
@@ -101,8 +101,7 @@ class PhysicalResult:
         """Return the standard parameters of the nearest physically consistent robot by name."""
         if self.nearest is None:
             return {}
-        pairs = zip(self.region.columns, self.nearest.phi, strict=True)
-        return {n: float(v) for n, v in pairs}
+        return name_each(self.region.columns, self.nearest.phi)
 
 
 def leave_undecided(structure: Structure, submodel: Submodel) -> PhysicalResult:
@@ -127,7 +126,7 @@ def find_impossible_bodies(robot: Robot) -> str:
     frames = {f.name: f.parentJoint for f in robot.model.frames if f.parentJoint}
     faults = {} if robot.mjcf else find_faults(robot.path, frames)
     explained = {frames[body] for body in faults}
-    carriers = dict(zip(robot.bodies, robot.carriers, strict=True))
+    carriers = name_each(robot.bodies, robot.carriers)
     for body, reason in check_bodies(robot).items():
         if carriers[body] not in explained:
             faults[body] = reason.rstrip(".")
@@ -336,7 +335,7 @@ def with_values(found: PhysicalResult, model: FittedModel, phi: Array) -> Physic
     """Return a result whose nearest physically consistent robot has other parameters, (p,)."""
     assert found.nearest is not None
     structure = model.structure
-    values = dict(zip(structure.columns, phi, strict=True))
+    values = name_each(structure.columns, phi)
     every = [values, *file_values(structure.robot, values)]
     base = np.array([[x[n] for n in values] for x in every]) @ structure.G.T
     nearest = replace(found.nearest, phi=phi)

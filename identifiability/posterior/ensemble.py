@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.engines import one_thread
+from identifiability.foundation.engines import Steps, one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
-from .exact import ExactSampler, Progress, build_sampler, interior
+from .exact import ExactSampler, build_sampler, interior
 from .target import Target
 
 #: Independent ensembles: walkers of one ensemble say nothing about its own convergence.
@@ -52,7 +52,7 @@ def sample_posterior(
     warmup: int = 20,
     pieces: int | None = None,
     enough: Callable[["Posterior"], bool] | None = None,
-    progress: Progress | None = None,
+    progress: Steps | None = None,
 ) -> Posterior:
     """Draw from a posterior with emcee, until it is enough or the budget is used up.
 

@@ -6,7 +6,6 @@ with hard walls, from the middle of the posterior on.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -425,10 +424,6 @@ def _cost(eta: Array, mean: Array, sd: Array, region: Cone) -> tuple[float, Arra
 # What to use when: `ExactSampler.step` alone is the fastest way to a posterior whose model is the
 # one of `target`, and to many replicates of an experiment at once (calibration). `ensemble` runs
 # it inside emcee, where independent ensembles give the diagnostics.
-
-
-#: Called with the number of steps done and to do.
-Progress = Callable[[int, int], None]
 
 
 @frozen

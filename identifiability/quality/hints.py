@@ -13,7 +13,8 @@ import numpy as np
 from identifiability.estimation.estimate import Outliers, weigh_outliers
 from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array
+from identifiability.foundation.linalg import rms_of
+from identifiability.foundation.names import Array, name_each
 from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.rounding import REACH
 from identifiability.logs.commands import of_commands
@@ -97,7 +98,7 @@ def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
 def measure_factors(logs: MeasuredLogs) -> Array:
     """Return measured over predicted torque of each joint, (n,); NaN if the data do not show it."""
     factors = np.full(len(logs.joints), np.nan)
-    size = np.sqrt(np.mean(logs.predicted**2, 0))
+    size = rms_of(logs.predicted, axis=0)
     units = np.array(logs.robot.torque_units)
     offset = np.ones((len(logs.torque), 1))
     for k in range(len(factors)):
@@ -176,7 +177,7 @@ def find_off(logs: MeasuredLogs) -> list[Finding]:
         parts = [part for part in split if len(part)]
         level = np.array([rows.tau[part].mean(0) for part in parts])
         # Currents of drives that are off read zero, up to a twentieth of the usual torque.
-        quiet = (np.abs(level) < 0.05 * np.sqrt((level**2).mean(0))).all(1)
+        quiet = (np.abs(level) < 0.05 * rms_of(level, axis=0)).all(1)
         edges = np.flatnonzero(np.diff(quiet, prepend=False, append=False)).reshape(-1, 2)
         for start, stop in edges[np.diff(edges)[:, 0] >= 4]:
             at = np.concatenate(parts[start:stop])
@@ -266,7 +267,7 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
     if not (still and any(s.outputs for s in surveys)):
         return []
     medians = np.median(logs.motion.actuated_q, 0)
-    at = dict(zip(logs.robot.joints, medians, strict=True))
+    at = name_each(logs.robot.joints, medians)
     places = [f"{joint}={at[joint]:.4g}" for joint in still if joint in at]
     locks = " ".join(option_for_shell("--lock", place) for place in places)
     columns = tuple(f"{j}.tau" for j in still)

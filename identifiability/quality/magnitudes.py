@@ -6,7 +6,8 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.linalg import rms_of
+from identifiability.foundation.names import Array, name_each
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.commands import of_commands
 from identifiability.logs.rules import RULES
@@ -45,7 +46,7 @@ def may_be_magnitudes(logs: MeasuredLogs) -> Array:
     most = np.max([log.shown.tau.max(0) for log in recordings], axis=0)
     found = (least >= 0) & (least < RULES.small * most)
     # Logs have no columns of a base that floats.
-    by_joint = dict(zip(recordings[0].joints, found.tolist(), strict=True))
+    by_joint = name_each(recordings[0].joints, found)
     return np.array([by_joint.get(joint, False) for joint in logs.joints])
 
 
@@ -77,7 +78,7 @@ def is_magnitude(columns: Array, torque: Array, predicted: Array) -> bool:
 
 def split_at_zeros(torque: Array) -> Array:
     """Return torque (N,) as a sum of its sections between minima near zero, (N, sections)."""
-    near_zero = torque < NEAR_ZERO * np.sqrt(np.mean(torque**2))
+    near_zero = torque < NEAR_ZERO * rms_of(torque)
     least = torque <= minimum_filter1d(torque, NEIGHBOURS)
     section = np.cumsum(near_zero & least)
     split = np.zeros((len(torque), section[-1] + 1))

@@ -15,6 +15,7 @@ import numpy as np
 
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.linalg import rms_of
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.commands import find_exchanged, of_commands, state_exchanged
@@ -139,7 +140,7 @@ def _silence(log: Log, origin: int, runs: Sequence[tuple[int, int, int]]) -> Log
 def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
     x = np.hstack([getattr(log, kind) for kind in log.channels])
     step = np.abs(np.diff(log.q, axis=0))
-    size = np.sqrt(np.mean(step**2, axis=0))
+    size = rms_of(step, axis=0)
     # A robot that comes to rest, or leaves it, does so by and by.
     abrupt = (step > RULES.moving * size).any(axis=1)
     runs = [

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.linalg import rms_of
 from identifiability.foundation.names import Array
 
 from .registry import Does, MeasuredLogs, check, without
@@ -80,7 +81,7 @@ def _square_residuals(logs: MeasuredLogs, to_joints: Array, torques: Sequence[Ar
     torques : sequence of (N, m)
         The first is the measured one, whose root mean square is the unit of each motor.
     """
-    unit = np.sqrt(np.mean(torques[0] ** 2, axis=0))
+    unit = rms_of(torques[0], axis=0)
     to_motors = np.linalg.pinv(to_joints) / unit
     regressor = logs.structure.model.regressor(logs.robot, logs.motion)
     columns = np.einsum("tjp,jm->tmp", regressor[:, _are_driven(logs)], to_motors)

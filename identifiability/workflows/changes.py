@@ -26,7 +26,7 @@ from identifiability.estimation.mixed_model import (
     without,
 )
 from identifiability.estimation.rules import RULES, Thresholds
-from identifiability.foundation.linalg import TINY
+from identifiability.foundation.linalg import TINY, rms_of
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.rounding import REACH
@@ -174,13 +174,12 @@ class FeltTorque:
             if out.joint and not rms > abs(out.rms):
                 continue
             slope = gram @ sizes / rms if rms > 0 else np.zeros(len(sizes))
-            squares = np.mean(seen.raw[seen.data[:, j], j] ** 2)
             out = FeltTorque(
                 joint=joint,
                 unit=seen.robot.torque_units[j],
                 rms=float(np.copysign(rms, sizes[0])),
                 sd=float(np.sqrt(slope @ spread @ slope)),
-                before=float(np.sqrt(squares)),
+                before=float(rms_of(seen.raw[seen.data[:, j], j])),
             )
         return out
 
@@ -610,7 +609,7 @@ def _rms_friction(
     for column, size in numbers:
         torque += size * found.missing.entries.get((j, column), 0.0)
     rows = seen.data[:, j] & (np.array(first.logs)[seen.log] != 0)
-    return float(np.sqrt(np.mean(torque[rows] ** 2)))
+    return float(rms_of(torque[rows]))
 
 
 def _with_companions(

@@ -18,7 +18,7 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array, Json, Strings
+from identifiability.foundation.names import Array, Json, Strings, name_each
 from identifiability.foundation.options import checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml
@@ -162,7 +162,7 @@ def robot_columns(robot: Robot) -> Strings:
 def template_frame(robot: Robot) -> pd.DataFrame:
     """Return an example log of a robot as a table with one row, at its home position."""
     positions = robot.actuated_positions(robot.home[None])[0]
-    home = dict(zip(robot.joints, positions, strict=True))
+    home = name_each(robot.joints, positions)
     frame = pd.DataFrame(0.0, [0], list(robot_columns(robot)))
     frame.loc[0, [f"{j}.q" for j in robot.motor_joints]] = [home[j] for j in robot.motor_joints]
     return frame

@@ -28,7 +28,14 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, Json, Strings
+from identifiability.foundation.names import (
+    GROUPED_KINDS,
+    INERTIAL_KINDS,
+    Array,
+    Json,
+    Strings,
+    name_each,
+)
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml
@@ -540,9 +547,9 @@ class Load(Result):
         quantities = [{**asdict(q), "told": q.told} for q in self.quantities]
         as_measured = [{**asdict(q), "told": q.told} for q in self.as_measured]
         by_file = {**asdict(self.by_file[0]), "told": self.by_file[0].told}
-        estimate = dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True))
+        estimate = name_each(GROUPED_KINDS, self.estimate.theta)
         gains = [{**asdict(g), "told": g.told} for g in self.gains]
-        parameters = dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True))
+        parameters = name_each(GROUPED_KINDS, self.parameters)
         changed = [c.place for c in self.estimate.changes if c.kind == "friction"]
         return {
             "schema": self.schema,
@@ -791,7 +798,7 @@ def _first_load(found: Differences, place: str) -> dict[str, float]:
     """Return the parameters of the load on a body by name, without any further change."""
     first = found.known.size
     theta = found.solve()[0][first : first + 10][FROM_GROUPED]
-    return dict(zip((f"{place}.{kind}" for kind in INERTIAL_KINDS), theta.tolist(), strict=True))
+    return name_each((f"{place}.{kind}" for kind in INERTIAL_KINDS), theta)
 
 
 def _find_load(
@@ -845,10 +852,9 @@ def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
 
 def can_turn(structure: Structure, body: str) -> bool:
     """Return whether the robot can turn a body: else all torque by it depends on its mass alone."""
-    own = [p.owner == body and p.kind in INERTIAL_KINDS for p in structure.parameters]
-    of_mass = [p.kind == "m" for p in structure.parameters]
-    of_turning = np.array(own) & ~np.array(of_mass)
-    return bool(structure.G[:, of_turning].any())
+    turning = INERTIAL_KINDS[1:]
+    turns = [p.owner == body and p.kind in turning for p in structure.parameters]
+    return bool(structure.G[:, turns].any())
 
 
 def choose_body(structure: Structure, body: str | None) -> str:

@@ -26,6 +26,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
+from identifiability.foundation.linalg import rms_of
 from identifiability.foundation.names import BASE, Array, Json, NumberByName, Strings
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.presenter import presented
@@ -1201,8 +1202,7 @@ class PositionPrediction(Result):
     def totals(self) -> Array:
         """Error of each run over these joints (rms), (runs,)."""
         errors = np.array([run.errors for run in self.runs])
-        squares = np.mean(errors[:, self.alike] ** 2, axis=1)
-        return np.sqrt(squares)
+        return rms_of(errors[:, self.alike], axis=1)
 
     @property
     def from_commands(self) -> Array:
@@ -1230,8 +1230,7 @@ class PositionPrediction(Result):
     @property
     def follows(self) -> bool:
         """Whether the fitted robot is nearer to the measured positions than the commands are."""
-        lag = np.sqrt(np.mean(self.from_commands[self.alike] ** 2))
-        return bool(self.totals[1] < lag)
+        return bool(self.totals[1] < rms_of(self.from_commands[self.alike]))
 
     def write(self, path: str | Path) -> Path:
         """Write positions sample by sample, measured and simulated, as CSV or Parquet.

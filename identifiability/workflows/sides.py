@@ -30,7 +30,7 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF, or_one, triangular_factor
-from identifiability.foundation.names import Array, NumberByName, Strings
+from identifiability.foundation.names import Array, NumberByName, Strings, name_each
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -142,7 +142,7 @@ def find_differences(
     load : (N, n), optional [N·m or N]
         Torque of loads that the logs carry: gains act on it, too.
     """
-    stated = dict(zip(structure.base.names, known.base.tolist(), strict=True))
+    stated = name_each(structure.base.names, known.base)
     # A load hangs from the base as it stands, and the model may have found that this is tilted.
     robot, _ = apply_tilt(structure.robot, stated)
     motions = [piece.motion for piece in seen.pieces]

@@ -14,6 +14,7 @@ import pandas as pd
 
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Flag, Verdict, narrow
+from identifiability.foundation.engines import Steps
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array, Json
@@ -30,7 +31,6 @@ from identifiability.posterior.diagnostics import (
     measure_prior_sensitivity,
 )
 from identifiability.posterior.ensemble import Posterior, sample_posterior
-from identifiability.posterior.exact import Progress
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.structure import Structure
@@ -185,7 +185,7 @@ def form_belief(
     model: FittedModel,
     rng: np.random.Generator,
     effort: Mapping[str, int] = EFFORT,
-    progress: Progress | None = None,
+    progress: Steps | None = None,
     share: float = 0.0,
 ) -> Belief:
     """Sample the posterior of a model.
@@ -285,7 +285,7 @@ def _sample_physical(
     target: Target,
     rng: np.random.Generator,
     effort: Mapping[str, int],
-    progress: Progress | None,
+    progress: Steps | None,
 ) -> Belief:
     """Sample the standard parameters on the physical set and map the draws to the model.
 

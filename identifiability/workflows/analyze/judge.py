@@ -18,7 +18,7 @@ from identifiability.estimation.prediction import Prediction, allow_offsets
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, judge, narrow
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.linalg import NEARLY
+from identifiability.foundation.linalg import NEARLY, rms_of
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.cad_prior import combine_with_file
@@ -143,7 +143,7 @@ def assess_ladder(
 
 def rms_torque(fitted: Prediction) -> float:
     """Return the root mean square of the measured torque."""
-    return float(np.sqrt(np.mean(fitted.rms**2)))
+    return float(rms_of(fitted.rms))
 
 
 Answered = TypeVar("Answered", bound=Laddered[Any])

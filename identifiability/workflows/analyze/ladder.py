@@ -14,7 +14,7 @@ from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import Folds, HeldOut, Score, near_best
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, name_each
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
 from identifiability.logs.commands import of_commands
@@ -76,7 +76,7 @@ class LadderFit:
         """
         structure = self.model.structure
         free = self.model.submodel.expand(self.model.estimate.value)
-        stated = dict(zip(structure.columns, structure.nominal.tolist(), strict=True))
+        stated = name_each(structure.columns, structure.nominal)
         files = file_values(structure.robot, stated)
         given = [structure.G @ [held[name] for name in structure.columns] for held in files]
         return np.column_stack([free, self.robot.base, *self.robot.in_files, *given])

@@ -20,7 +20,7 @@ from identifiability.estimation.noise import ARNoise, JointNoise
 from identifiability.estimation.profile import Number, Profile, ShapeRefits, profile, profile_shape
 from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.linalg import NEARLY, unit_coordinates
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, name_each
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.rounding import REACH
 from identifiability.logs.prepare.dataset import Dataset
@@ -191,8 +191,7 @@ class ConsistentNumbers:
             joint = robot.joints.index(name.removesuffix(f".{TORQUE}"))
             return Number(name, robot.torque_units[joint])
         submodel = self.found.chosen.submodel
-        nonnegative = submodel.nonnegative.tolist()
-        signs = dict(zip(submodel.columns, nonnegative, strict=True))
+        signs = name_each(submodel.columns, submodel.nonnegative)
         signed = signs.get(name, known[name].nonnegative)
         return Number(name, known[name].unit, 0.0 if signed else -np.inf)
 

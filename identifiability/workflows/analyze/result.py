@@ -31,7 +31,7 @@ from identifiability.foundation import handed
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Json, Strings
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Json, Strings, name_each
 from identifiability.foundation.options import OptionError, check_choice
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
@@ -439,8 +439,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         what = self.structure, real.parameters(), errors, self.samples, real.cad_weight
         told = real_robot_dict(*what)
         kinds = file_kinds(self.robot)
-        files = dict(zip(kinds, map(used.unseen_by, (2, 3)), strict=True))
-        given = dict(zip(kinds, map(used.unseen_by, (4, 5)), strict=True))
+        files = name_each(kinds, map(used.unseen_by, (2, 3)))
+        given = name_each(kinds, map(used.unseen_by, (4, 5)))
         if "gravity" in told:  # errors of its files are measured along the fitted logs only
             files = given = dict.fromkeys(files, float("nan"))
         return told | {
@@ -464,7 +464,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         every = self.everywhere or self.held_out
         share = 1.0 - p.data.sum() / max(every.data.sum(), 1)
         errors = every.relative_error()[0], p.relative_error(raw=True)[0]
-        return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
+        return name_each(("rows", "all_rows", "raw"), map(float, (share, *errors)))
 
     @presented
     def to_frame(self, model: str | None = None, *, details: bool = False) -> pd.DataFrame:
@@ -624,7 +624,7 @@ class Analysis(Laddered[ModelResult]):
         """Return the result in the documented JSON schema."""
         base = self.base
         chosen = self.chosen
-        groupings = dict(zip(base.names, base.labels, strict=True))
+        groupings = name_each(base.names, base.labels)
         structure = {
             "parameters": len(base.parameters),
             "rank": base.rank,

@@ -27,7 +27,7 @@ from identifiability.estimation.noise import (
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.linalg import filter_from_rest
+from identifiability.foundation.linalg import filter_from_rest, rms_of
 from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
@@ -149,7 +149,7 @@ class Experiment:
             method,
         )
         made = tau - W @ self.submodel.fixed
-        torque = float(np.sqrt(np.mean(made**2)))
+        torque = float(rms_of(made))
         full = fit_whole(method, whole)
         known, verdicts, _ = decide_model(
             model, torque, rng, self.replicates, full, NO_MISSING_EFFECTS

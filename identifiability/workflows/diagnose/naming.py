@@ -42,7 +42,7 @@ from identifiability.estimation.search import (
     name_terms,
 )
 from identifiability.foundation.linalg import scan_columns
-from identifiability.foundation.names import Array, Parameter
+from identifiability.foundation.names import Array, Parameter, name_each
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -207,7 +207,7 @@ class Naming:
             own.setdefault(p.candidate.family.name, []).append(p.candidate.part)
             if p.candidate.family.flexible:
                 sd = np.sqrt(term.variance) / self.model.scale[term.columns]
-                random |= dict(zip(self.names([p]), sd.tolist(), strict=True))
+                random |= name_each(self.names([p]), sd)
         if not own and plain.robot is robot:
             return plain
         texts = ([_write_part(robot, part) for part in some] for some in own.values())

@@ -19,7 +19,7 @@ from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.prediction import Prediction, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, rms_of
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
@@ -467,7 +467,7 @@ def find_discrepancies(
             continue
         explained = {name: explained_share(x[data], r) for name, x in rows.along(j).items()}
         measured = rows.measured[data, j]
-        size, whole = (float(np.sqrt(np.mean(x**2))) for x in (r, measured))
+        size, whole = (float(rms_of(x)) for x in (r, measured))
         out.append(Discrepancy(joint, size, size / (whole or 1.0), explained))
     return tuple(out)
 

@@ -20,7 +20,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import Array, Json, Strings
+from identifiability.foundation.names import Array, Json, Strings, name_each
 from identifiability.foundation.output import write_text
 from identifiability.foundation.presenter import present, presented
 from identifiability.foundation.result import Result
@@ -556,7 +556,7 @@ class Diagnosis(Result, Predicts):
 
 def pick(value: Any, *names: str, **renamed: str) -> Json:
     """Return some attributes for JSON, by their names or by other names."""
-    every = dict(zip(names, names, strict=True)) | renamed
+    every = name_each(names, names) | renamed
     fields = {new: getattr(value, name) for new, name in every.items()}
     return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}
 
@@ -577,8 +577,8 @@ def _change_row(c: Change) -> Json:
     known = {name: [x if np.isfinite(x) else None for x in at] for name, at in ends.items()}
     picked = pick(c, "log", "weight", effect="family", joint="place", log_odds="odds")
     bounds = {name: known[name][0] for name in ("from", "to")}
-    parameters = dict(zip(c.names, c.sizes.tolist(), strict=True))
-    errors = dict(zip(c.names, c.sd.tolist(), strict=True))
+    parameters = name_each(c.names, c.sizes)
+    errors = name_each(c.names, c.sd)
     return {
         **picked,
         **known,
@@ -612,7 +612,7 @@ def _effect_row(e: NamedEffect) -> Json:
                 log_odds="odds",
             ),
             "or": _rival_rows(p.rivals),
-            "parameters": dict(zip(p.parameters, p.values.tolist(), strict=True)),
+            "parameters": name_each(p.parameters, p.values),
         }
         for p in e.placements
     ]

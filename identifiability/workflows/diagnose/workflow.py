@@ -27,7 +27,7 @@ from identifiability.estimation.rules import RULES
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.linalg import NEARLY
+from identifiability.foundation.linalg import NEARLY, rms_of
 from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.runs import First, Progress, Run, quiet
@@ -896,7 +896,7 @@ def _place(naming: Naming, k: int) -> Placement:
         value = np.maximum(value, 0.0)
     parameters = part.parameters(naming.problem.robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
-    sizes = [float(np.sqrt(np.mean(x**2))) for x in added]
+    sizes = [float(rms_of(x)) for x in added]
     peaks = [float(np.abs(_law(naming, k, j) @ value).max(initial=0.0)) for j in naming.acts(k)]
     every = [r.group for r in part.rivals]  # a family everywhere is here, too
     rivals = [Rival(g.family, g.place.replace(EVERYWHERE, c.place)) for g in every]

@@ -22,7 +22,7 @@ from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY, TINY
-from identifiability.foundation.names import Array, Json, Strings
+from identifiability.foundation.names import Array, Json, Strings, name_each
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
 from identifiability.foundation.presenter import presented
@@ -199,7 +199,7 @@ class Bench:
         question = add_beside(Structure.of(d.robot, model), [Placed(parts) for parts in effects])
         first, ((own,), *others) = _find_columns(d, question, effects)
         known = gather_known(question.along(d.samples))
-        by_name = dict(zip(p.parameters, p.values, strict=True))
+        by_name = name_each(p.parameters, p.values)
         parameters = Placed([named]).parameters(d.robot)
         values = np.array([by_name[one.name] for one in parameters])
         asks = _ask_rivals(known.G, own, values, others)

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Strings, name_each
 from identifiability.foundation.options import Expected, FilePath, Positive, Seed, checked
 from identifiability.foundation.output import check_ending
 from identifiability.foundation.presenter import presented
@@ -65,7 +65,7 @@ class Draws:
     def robots(self) -> Iterator[dict[str, float]]:
         """Parameters by name, of each draw."""
         for row in self.values:
-            yield dict(zip(self.structure.columns, row.tolist(), strict=True))
+            yield name_each(self.structure.columns, row)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a draw, one column a standard parameter or number of servos [SI]."""
