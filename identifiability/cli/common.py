@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
+    from identifiability.foundation.runs import Progress
+
+#: Writes a result to a path, and returns the path.
+Write = Callable[[Path], Path]
 
 #: Work without a terminal reports its remaining time if it is longer than this [s].
 PATIENCE = 10.0
@@ -77,7 +81,7 @@ def terminal(*, stderr: bool = False) -> Console:
 
 
 @contextmanager
-def progress() -> Iterator[Callable[[str, float], None]]:
+def progress() -> Iterator[Progress]:
     """Show a progress bar on standard error; yield a callback (step, share).
 
     Without a terminal, a line reports the remaining time of a long computation every half minute.
@@ -252,7 +256,7 @@ def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
 # Results are written where they should be, or else elsewhere.
 
 
-def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
+def write_all(*asked: tuple[Write, Path | None]) -> list[Path]:
     """Call functions that write with their paths and return the paths; skip those without a path.
 
     Raises
@@ -273,7 +277,7 @@ def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
     return written
 
 
-def _write(write: Callable[[Path], Path], path: Path) -> Path:
+def _write(write: Write, path: Path) -> Path:
     """Write a result; on failure, as with a full disk, write it to a reported folder."""
     try:
         return write(path)

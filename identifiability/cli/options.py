@@ -43,7 +43,6 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import OutputError, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Strings
 from identifiability.foundation.options import (
     Count,
     Derivatives,
@@ -59,11 +58,21 @@ from identifiability.foundation.options import (
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 
 from .case import CASE, COMMANDS, defaults_of_case
-from .common import VERBOSE, check_outputs, print_end, print_help, progress, sentences, write_all
+from .common import (
+    VERBOSE,
+    Write,
+    check_outputs,
+    print_end,
+    print_help,
+    progress,
+    sentences,
+    write_all,
+)
 
 if TYPE_CHECKING:
     from identifiability.foundation.engines import Engine
     from identifiability.foundation.result import Result
+    from identifiability.foundation.runs import Progress
     from identifiability.logs.prepare import Preparation
     from identifiability.robot import Robot
 
@@ -137,7 +146,7 @@ class Records:
 class Writes:
     """Marks an option as a file that is written, with its endings; without any, as a folder."""
 
-    endings: Strings
+    endings: tuple[str, ...]
 
     def __init__(self, *endings: str) -> None:
         object.__setattr__(self, "endings", endings)
@@ -593,11 +602,7 @@ def _as_kind(kind: Any, text: str) -> Any:
     if kind is bool:
         return {"true": True, "false": False}.get(text.lower(), text)
     with suppress(ValueError):
-        if kind is int:
-            return int(text)
-        if kind is float:
-            return float(text)
-        return text
+        return kind(text) if kind in (int, float) else text
     return text
 
 
@@ -773,7 +778,7 @@ class Place:
     table: ClassVar[str] = "run"
 
     #: A cluster sends objects that may run code, so no sidecar names it.
-    typed: ClassVar[Strings] = ("scheduler",)
+    typed: ClassVar[tuple[str, ...]] = ("scheduler",)
 
     workers: Count | None = None
     scheduler: str | None = None
@@ -795,7 +800,7 @@ class Work:
     place: Place = Place()
 
     @contextmanager
-    def running(self) -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], Engine]]:
+    def running(self) -> Iterator[tuple[Progress, dict[str, Any], Engine]]:
         """Yield the progress callback, the common options of fits, and the engine."""
         with progress() as say, self.place.running() as engine:
             # A verb ends its processes sooner by itself.
@@ -805,7 +810,7 @@ class Work:
 
 
 @contextmanager
-def alone() -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], None]]:
+def alone() -> Iterator[tuple[Progress, dict[str, Any], None]]:
     """Give the same to a verb that is done at once."""
     with progress() as say:
         say("reading logs", 0.0)
@@ -848,8 +853,8 @@ class Outputs:
     def write(
         self,
         result: Result,
-        say: Callable[[str, float], None],
-        *first: tuple[Callable[[Path], Path], Path | None],
+        say: Progress,
+        *first: tuple[Write, Path | None],
     ) -> list[Path]:
         """Write the requested files and return their paths; `first` have functions of their own.
 

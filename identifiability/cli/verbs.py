@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import runpy
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -55,6 +55,7 @@ from .options import (
 )
 
 if TYPE_CHECKING:
+    from identifiability.foundation.runs import Progress
     from identifiability.logs import Log
     from identifiability.workflows.analyze import Analysis
 
@@ -144,7 +145,7 @@ SHOWN = "six-dof-arm", ("run1.csv", "run2.csv", "run3.csv")
 def run_demo(
     quick: bool,
     seed: int = 0,
-    say: Callable[[str, float], None] = lambda _text, _share: None,
+    say: Progress = lambda _text, _share: None,
     folder: Path = Path("reports"),
 ) -> tuple[Analysis, list[Log]]:
     """Analyze two shipped logs of the six-axis arm, validated on a third.

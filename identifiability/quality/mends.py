@@ -26,11 +26,11 @@ from identifiability.logs.signals import cubic, sampling_step
 from identifiability.logs.spikes import Spike, Wraps, find_wraps, mend_column
 from identifiability.robot.floating import BASE_JOINTS
 
-from .registry import Does, RawLogs, check, mend_each
+from .registry import Does, Mended, RawLogs, check, mend_each
 
 
 @mend_each("silent")
-def find_silent(log: Log) -> tuple[Log, list[Finding]]:
+def find_silent(log: Log) -> Mended:
     """Report rows in which torque was not measured; the fit omits these equations.
 
     A joint of which no row was measured, while others were, is a doubt.
@@ -54,7 +54,7 @@ def find_silent(log: Log) -> tuple[Log, list[Finding]]:
 
 
 @mend_each("held_base")
-def find_held_base(log: Log) -> tuple[Log, list[Finding]]:
+def find_held_base(log: Log) -> Mended:
     """Report a base that is stated as fixed, and moves by the columns of its pose."""
     way, turn = log.held_way
     moves = max(way, turn) > RULES.moving
@@ -69,7 +69,7 @@ def find_held_base(log: Log) -> tuple[Log, list[Finding]]:
 
 
 @mend_each("stuck")
-def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
+def drop_stuck(log: Log) -> Mended:
     """Return a log without stuck rows and stuck torque, and the findings."""
     if log.motion_alone or log.commanded or len(log) < RULES.stuck:
         return log, []
@@ -137,7 +137,7 @@ def _silence(log: Log, origin: int, runs: Sequence[tuple[int, int, int]]) -> Log
     return replace(log, unmeasured=gone)
 
 
-def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
+def _drop_hung(log: Log) -> Mended:
     x = np.hstack([getattr(log, kind) for kind in log.channels])
     step = np.abs(np.diff(log.q, axis=0))
     size = rms_of(step, axis=0)
@@ -197,7 +197,7 @@ def find_runs(x: Array) -> list[tuple[int, int]]:
 
 
 @mend_each("wraps")
-def unwrap_log(log: Log) -> tuple[Log, list[Finding]]:
+def unwrap_log(log: Log) -> Mended:
     """Return a log with unwrapped angles, and the findings."""
     found = [find_wraps(x) for x in log.q.T]
     pairs = zip(log.joints, found, strict=True)
@@ -224,7 +224,7 @@ def _undo(log: Log, origin: int, found: Sequence[Wraps | None]) -> Log:
 
 
 @mend_each("spikes")
-def mend_log(log: Log) -> tuple[Log, list[Finding]]:
+def mend_log(log: Log) -> Mended:
     """Return a log with wrong samples replaced, and the findings; the log itself without any."""
     wrong = log.spikes
     if not wrong:
@@ -308,7 +308,7 @@ _NAMES = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 _DERIVATIVES = ("dq", "ddq")
 
 
-def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
+def _drop_contradictions(log: Log, *, asked: bool) -> Mended:
     every = [c for c in contradictions(log.shown) if not c.in_unit]
     if asked:
         return log, _report("derivative", log, every)

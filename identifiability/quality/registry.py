@@ -27,6 +27,9 @@ from identifiability.robot import Motion, Robot
 #: after its change, with its findings.
 Find: TypeAlias = Callable[..., Any]
 
+#: A log after a correction, with its findings.
+Mended: TypeAlias = tuple[Log, list[Finding]]
+
 F = TypeVar("F", bound=Find)
 
 
@@ -131,7 +134,7 @@ class RawLogs:
             hints=(*self.hints, *hints),
         )
 
-    def each(self, mend: Callable[[Log], tuple[Log, list[Finding]]]) -> RawLogs:
+    def each(self, mend: Callable[[Log], Mended]) -> RawLogs:
         """Return the logs after a correction of each."""
         pairs = [mend(log) for log in self.every]
         return self.having((log for log, _ in pairs), (x for _, found in pairs for x in found))

@@ -706,21 +706,26 @@ def _predict_rows(fit: Fit, chunk: Chunk, measured: bool) -> dict[str, np.ndarra
     }
 
 
+#: Rows of numbers, and errors by the format of a file.
+Table: TypeAlias = list[list[float]]
+Errors: TypeAlias = dict[str, float | None]
+
+
 class FitEntry(Entry):
     """A fitted model in the JSON of a result."""
 
     model: ModelEntry
     names: list[str]
     values: list[Value]
-    covariance: list[list[float]]
-    unknown: list[list[float]]
+    covariance: Table
+    unknown: Table
     low: list[float]
     raw: list[float]
     dof: list[float]
-    base_covariance: list[list[float]]
-    base_unknown: list[list[float]]
-    offsets: list[list[float]]
-    alternatives: list[list[float]] | float = 0.0
+    base_covariance: Table
+    base_unknown: Table
+    offsets: Table
+    alternatives: Table | float = 0.0
     servo: dict[str, tuple[float, float]] = {}
     reading: ReadingEntry | None = None
     began: float | None = None
@@ -741,10 +746,10 @@ class RealEntry(Entry):
     reference: dict[str, Value] = {}
     gravity: GravityEntry | None = None
     error_ra: float | None = None
-    error_ra_files: dict[str, float | None] = {}
-    error_ra_given_files: dict[str, float | None] = {}
-    error_ra_validation_files: dict[str, float | None] = {}
-    error_ra_validation_given_files: dict[str, float | None] = {}
+    error_ra_files: Errors = {}
+    error_ra_given_files: Errors = {}
+    error_ra_validation_files: Errors = {}
+    error_ra_validation_given_files: Errors = {}
     cad_prior: float = 0.0
     certificate: str = ""
     reason: str = ""

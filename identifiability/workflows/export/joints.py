@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from textwrap import shorten
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,10 +18,13 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import list_gains
 from identifiability.workflows.predict import WORDS
 
+#: Parameters of a result, as its JSON holds them.
+Rows: TypeAlias = Sequence[Mapping[str, Any]]
+
 
 def describe_joints(
     robot: Robot,
-    rows: Sequence[Mapping[str, Any]],
+    rows: Rows,
     values: NumberByName,
     gains: Mapping[str, tuple[float, float]] | None = None,
     share: float | None = None,
@@ -68,7 +71,7 @@ def describe_joints(
 
 def _limit_rotors(
     robot: Robot,
-    rows: Sequence[Mapping[str, Any]],
+    rows: Rows,
     values: NumberByName,
     share: float,
 ) -> dict[str, tuple[float, float]]:
@@ -94,9 +97,7 @@ def _limit_rotors(
     return found
 
 
-def _list_far(
-    robot: Robot, rows: Sequence[Mapping[str, Any]], values: NumberByName
-) -> Iterator[tuple[str, str]]:
+def _list_far(robot: Robot, rows: Rows, values: NumberByName) -> Iterator[tuple[str, str]]:
     """Yield masses and rotors unlike the file's that the logs know only as parts of sums."""
     sure = {row["label"] for row in rows if row["verdict"] == Class.IDENTIFIABLE}
     pairs = [(body, "m") for body in robot.bodies]
@@ -111,7 +112,7 @@ def _list_far(
             yield name, f"{name} {format_number(value, 2)} (file: {format_number(stated, 2)})"
 
 
-def state_doubted(rows: Sequence[Mapping[str, Any]]) -> str:
+def state_doubted(rows: Rows) -> str:
     """Return which values of bodies are in doubt, as a comment of a robot file; else nothing."""
     doubted = (row["name"] for row in rows if Flag.IN_DOUBT in row["flags"])
     names = [name for name in doubted if name.rpartition(".")[2] in INERTIAL_KINDS]
@@ -126,7 +127,7 @@ def _label(robot: Robot, place: str, kind: str) -> str:
 def _describe(
     robot: Robot,
     joint: str,
-    rows: Sequence[Mapping[str, Any]],
+    rows: Rows,
     values: NumberByName,
     within: Mapping[str, str],
 ) -> Iterator[str]:
