@@ -45,7 +45,7 @@ from identifiability.foundation.values import frozen
 from identifiability.foundation.wording import OF_PREPARATION
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Dataset, Preparation, prepare_log
+from identifiability.logs.prepare import Dataset, Preparation, Samples, prepare_log
 from identifiability.logs.prepare.dataset import explain_silence, require_signal
 from identifiability.logs.prepare.excerpt import most_rows, prepare_excerpt
 from identifiability.logs.prepare.instruments import add_instrument
@@ -149,8 +149,8 @@ class Prepared:
     fitted, held_out : tuple of Dataset
     """
 
-    fitted: tuple[Dataset, ...]
-    held_out: tuple[Dataset, ...]
+    fitted: Samples
+    held_out: Samples
 
 
 @frozen(kw_only=True)
@@ -186,8 +186,8 @@ class Data(OfStructure):
     structure: Structure
     recordings: Recordings
     preparation: Preparation
-    samples: tuple[Dataset, ...]
-    validation: tuple[Dataset, ...]
+    samples: Samples
+    validation: Samples
     regression: Regression
     hints: Strings
     reading: Reading | None = None
@@ -592,7 +592,7 @@ class Case:
         inputs = robot, recordings.fitted, recordings.held_out, how, self.preparation, most
         return self.stages.once(prepare_logs, *inputs, run=run)
 
-    def samples(self, robot: Robot, run: Run, done: str = "") -> tuple[Dataset, ...]:
+    def samples(self, robot: Robot, run: Run, done: str = "") -> Samples:
         """Return the prepared fitted logs, for verbs that need no checks of them.
 
         Parameters
@@ -609,9 +609,7 @@ class Case:
             require_signal(samples, done)
         return samples
 
-    def unfitted(
-        self, robot: Robot, recordings: Recordings, how: Preparation, run: Run
-    ) -> tuple[Dataset, ...]:
+    def unfitted(self, robot: Robot, recordings: Recordings, how: Preparation, run: Run) -> Samples:
         """Return prepared logs that do not influence the cut-off of a fitted model.
 
         A log that cannot have this cut-off gets its own band.
@@ -629,7 +627,7 @@ class Case:
         regression = self.regression(structure, data.samples)
         return self.stages.once(with_regression, data, structure, data.samples, regression)
 
-    def regression(self, structure: Structure, samples: tuple[Dataset, ...]) -> Regression:
+    def regression(self, structure: Structure, samples: Samples) -> Regression:
         """Return the columns of the base parameters along prepared motion.
 
         Structures with the same groupings have the same columns.
@@ -647,7 +645,7 @@ class Case:
         inputs = data.robot, data.recordings.fitted, data.samples, kind
         return self.with_samples(data, self.stages.once(add_instruments, *inputs))
 
-    def with_samples(self, data: Data, samples: tuple[Dataset, ...]) -> Data:
+    def with_samples(self, data: Data, samples: Samples) -> Data:
         """Return data with other fitted samples."""
         regression = self.regression(data.structure, samples)
         return self.stages.once(with_regression, data, data.structure, samples, regression)
@@ -979,15 +977,13 @@ def read_otherwise(checked: Data, reading: Reading) -> Data:
     return replace(checked, reading=reading, hints=(said, *checked.hints))
 
 
-def make_regression(
-    _base: BaseParameters, samples: tuple[Dataset, ...], *, structure: Structure
-) -> Regression:
+def make_regression(_base: BaseParameters, samples: Samples, *, structure: Structure) -> Regression:
     """Return the columns of the base parameters along prepared motion."""
     return structure.regression(samples)
 
 
 def with_regression(
-    data: Data, structure: Structure, samples: tuple[Dataset, ...], regression: Regression
+    data: Data, structure: Structure, samples: Samples, regression: Regression
 ) -> Data:
     """Return data under another structure, or with other fitted samples."""
     if structure is data.structure and samples is data.samples:
@@ -1105,9 +1101,7 @@ def apply_to_logs(reading: Reading, recordings: Recordings, structure: Structure
     return replace(recordings, fitted=fitted, held_out=held_out, reading=carried)
 
 
-def add_instruments(
-    robot: Robot, logs: Sequence[Log], samples: tuple[Dataset, ...], kind: Kind
-) -> tuple[Dataset, ...]:
+def add_instruments(robot: Robot, logs: Sequence[Log], samples: Samples, kind: Kind) -> Samples:
     """Return fitted samples with second records of their motion.
 
     Without a second record of any motion, or where a log is too long for memory, they are returned

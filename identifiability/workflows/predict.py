@@ -38,7 +38,7 @@ from identifiability.logs import Log
 from identifiability.logs.commands import has_commands, of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.dataset import Dataset
+from identifiability.logs.prepare.dataset import Dataset, Samples
 from identifiability.logs.prepare.preparation import has_motors, joint_log
 from identifiability.logs.spectrum import noise_level
 from identifiability.logs.tables import write_table
@@ -501,9 +501,7 @@ class Fit(Keyed, Predicts):
         return {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in told.items()}
 
 
-def _predict_along(
-    fit: Fit, case: Case, run: Run, samples: tuple[Dataset, ...] = ()
-) -> TorquePrediction:
+def _predict_along(fit: Fit, case: Case, run: Run, samples: Samples = ()) -> TorquePrediction:
     """Return the torque of a fitted model along the logs of a case, fitted ones first.
 
     Parameters
@@ -560,9 +558,7 @@ def _common_motors(robot: Robot, logs: Sequence[Log]) -> Strings:
     return gear.motors if have_motors and {*gear.motors}.isdisjoint(robot.joints) else ()
 
 
-def _place_in_session(
-    fit: Fit, began: float | None, samples: Sequence[Dataset]
-) -> tuple[Dataset, ...]:
+def _place_in_session(fit: Fit, began: float | None, samples: Sequence[Dataset]) -> Samples:
     """Return new logs with their start in the session of the fitted logs; unknown without clocks.
 
     Parameters

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.ndimage import correlate1d
@@ -481,6 +481,10 @@ class Dataset:
             told["share"] = max(rest.values()) / self.survey.outputs
             notes.append(Finding("standing", self.name, **told))
         return notes
+
+
+#: Prepared logs.
+Samples: TypeAlias = tuple[Dataset, ...]
 
 
 def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Dataset:

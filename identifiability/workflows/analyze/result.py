@@ -36,7 +36,7 @@ from identifiability.foundation.options import OptionError, check_choice
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare.dataset import Dataset
+from identifiability.logs.prepare.dataset import Dataset, Samples
 from identifiability.physical.cad_prior import real_robot_dict, state_mass
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.recordings import Recordings
@@ -261,8 +261,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     """
 
     structure: Structure
-    samples: tuple[Dataset, ...]
-    validation: tuple[Dataset, ...]
+    samples: Samples
+    validation: Samples
     hints: Strings
     recordings: Recordings
     models: tuple[Model, ...]

@@ -24,7 +24,7 @@ from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.logs.prepare import Dataset, Preparation, Samples
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.physical.cad_prior import WEAK, state_rows
 from identifiability.physical.feasibility import PhysicalResult, choose_prior, find_nearest
@@ -117,9 +117,9 @@ class Problem(OfStructure):
     """
 
     structure: Structure
-    samples: tuple[Dataset, ...]
+    samples: Samples
     known: KnownValues
-    validation: tuple[Dataset, ...] = ()
+    validation: Samples = ()
     fixed: bool = False
     seed: int = 0
     verified_on: str = ""
@@ -127,8 +127,8 @@ class Problem(OfStructure):
     changes: tuple[Any, ...] = ()
     restored: bool = False
     commanded: bool = False
-    excerpt: tuple[Dataset, ...] = ()
-    unseen_excerpt: tuple[Dataset, ...] = ()
+    excerpt: Samples = ()
+    unseen_excerpt: Samples = ()
     under: Structure | None = None
     recommended: Recommended | None = None
     ladder: LadderEntry | None = None
@@ -139,9 +139,7 @@ class Problem(OfStructure):
         """Changes whose rows are not fitted."""
         return () if self.restored else self.changes
 
-    def regression(
-        self, structure: Structure, samples: tuple[Dataset, ...] | None = None
-    ) -> Regression:
+    def regression(self, structure: Structure, samples: Samples | None = None) -> Regression:
         """Return the columns of a structure along samples, by default the fitted ones.
 
         Structures with the same groupings share them. Effects that are tried and depend on loads
@@ -323,7 +321,7 @@ class ResidualRows:
     """
 
     seen: Excerpt
-    samples: tuple[Dataset, ...]
+    samples: Samples
     measured: Array
 
     @staticmethod
@@ -494,7 +492,7 @@ def along_rollouts(
     samples: Sequence[Dataset],
     logs: Sequence[Log],
     rolled: Any,
-) -> tuple[Dataset, ...]:
+) -> Samples:
     """Return samples of logs of commands along the motion of their rollouts.
 
     Torque from commands and the columns use the same positions, so encoder steps are in both.

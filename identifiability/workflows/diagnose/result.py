@@ -25,7 +25,7 @@ from identifiability.foundation.output import write_text
 from identifiability.foundation.presenter import present, presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.logs.prepare import Preparation, Samples
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.regression.columns import Refusal
@@ -338,12 +338,12 @@ class Diagnosis(Result, Predicts):
         return self.problem.robot
 
     @property
-    def samples(self) -> tuple[Dataset, ...]:
+    def samples(self) -> Samples:
         """Fitted logs."""
         return self.problem.samples
 
     @property
-    def validation(self) -> tuple[Dataset, ...]:
+    def validation(self) -> Samples:
         """Held-out logs."""
         return self.problem.validation
 

@@ -33,7 +33,7 @@ from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.runs import First, Progress, Run, quiet
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.logs.prepare import Dataset, Preparation, Samples
 from identifiability.logs.prepare.dataset import require_signal
 from identifiability.logs.prepare.excerpt import most_rows, thin_all
 from identifiability.physical.cad_prior import load_by_fit, resolve_prior, with_loads
@@ -419,7 +419,7 @@ def _read_logs(
     return case.at_fit(data, run, named=True), reference
 
 
-def _unless_all(samples: tuple[Dataset, ...], excerpt: tuple[Dataset, ...]) -> tuple[Dataset, ...]:
+def _unless_all(samples: Samples, excerpt: Samples) -> Samples:
     """Return an excerpt, or nothing where it has all rows of the samples."""
     pairs = zip(samples, excerpt, strict=True)
     every = all(a.motion is b.motion and a.decimation is b.decimation for a, b in pairs)
@@ -440,7 +440,7 @@ def _refuse_silent_part(case: Case, data: Data, run: Run) -> None:
 
 
 #: Excerpts of fitted and of held-out logs; empty where all rows are used.
-Excerpts = tuple[tuple[Dataset, ...], tuple[Dataset, ...]]
+Excerpts = tuple[Samples, Samples]
 
 
 def _look_at(case: Case, data: Data) -> tuple[Data, Excerpts]:
@@ -460,7 +460,7 @@ def _look_at(case: Case, data: Data) -> tuple[Data, Excerpts]:
     if recordings.rolled is None:
         return case.instrumented(data, "auto"), excerpts
 
-    def move(samples: tuple[Dataset, ...], logs: Sequence[Log]) -> tuple[Dataset, ...]:
+    def move(samples: Samples, logs: Sequence[Log]) -> Samples:
         if not samples:  # all rows are looked at, or nothing was held out
             return ()
         inputs = data.structure, samples, logs, recordings.rolled
