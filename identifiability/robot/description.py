@@ -712,8 +712,8 @@ class Description(Stated):
         at = listing(f"{name} = {x:.4g}" for name, x in self.home_table.items())
         return (
             f"{self.path.name} states no home position, so the one that closes its loops and is "
-            f"nearest to the drawn one is used ({at}). If the robot is assembled otherwise, the results are wrong: state its "
-            "home position."
+            f"nearest to the drawn one is used ({at}). If the robot is assembled otherwise, the "
+            "results are wrong: state its home position."
         )
 
     @property
