@@ -92,7 +92,7 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
     """Return the robot along unseen motion, with measured and predicted torque or positions."""
     moved = analysis.moved
     if moved is not None and moved.follows:
-        commands = [log.q if log.q_ref is None else log.q_ref for log in moved.logs]
+        commands = tuple(log.q if log.q_ref is None else log.q_ref for log in moved.logs)
         ahead = replace(moved.runs[0], name="command", q=commands, errors=moved.from_commands)
         return rollout_moving(replace(moved, runs=(ahead, moved.runs[1])))
     sample = (analysis.validation or analysis.samples)[0]
