@@ -44,6 +44,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import OutputError, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import (
+    AngleUnit,
     Count,
     Derivatives,
     EstimatorKind,
@@ -52,6 +53,9 @@ from identifiability.foundation.options import (
     OptionError,
     Positive,
     Replicates,
+    Root,
+    Side,
+    TimeUnit,
     check_option,
     choices,
 )
@@ -710,10 +714,10 @@ class Recorded:
 
     table: ClassVar[str] = ""
 
-    base: Literal["fixed", "floating"] | None = None
-    time_unit: Literal["s", "ms", "us", "ns"] | None = None
-    angles: Literal["rad", "deg"] | None = None
-    torque_side: Literal["joint", "link", "motor", "both"] | None = None
+    base: Root | None = None
+    time_unit: TimeUnit | None = None
+    angles: AngleUnit | None = None
+    torque_side: Side | None = None
 
 
 @dataclass(frozen=True)

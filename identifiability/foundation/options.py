@@ -86,6 +86,12 @@ Effects = Names
 Derivatives = Literal["auto", "given", "butterworth", "fourier", "spline"]
 EstimatorKind = Literal["auto", "ls", "iv"]
 ExportFormat = Literal["mjcf", "urdf", "isaaclab", "patch"]
+TimeUnit = Literal["s", "ms", "us", "ns"]
+AngleUnit = Literal["rad", "deg"]
+Root = Literal["fixed", "floating"]
+#: Where torque is measured: at the joint with all that drives it, behind the gear, before it, or
+#: on both of its sides.
+Side = Literal["joint", "link", "motor", "both"]
 
 #: Samples of a motion at most; the simulator takes one at a time.
 MOST_SAMPLES = 10_000_000

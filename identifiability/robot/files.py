@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -22,6 +22,7 @@ import pinocchio as pin
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import find_named
+from identifiability.foundation.options import Root, Side
 from identifiability.foundation.quoting import for_toml
 
 from .assembly import LockOption, assemble, check_magnitudes, read_locks, resolve_locks
@@ -29,7 +30,7 @@ from .description import Coupling, Description, Stated
 from .floating import BASE_JOINTS, Base, find_legs
 from .kinematics import WORLD, Tree, body_names, read_tree, weld
 from .locate import find_sidecar, locate_robot, read_markup
-from .sidecar import Side, Sidecar, check_known, read_sidecar
+from .sidecar import Sidecar, check_known, read_sidecar
 from .write import numbers, root_link, urdf_joint
 
 
@@ -63,7 +64,7 @@ def read_robot(
     source: str | Path,
     sidecar: str | Path | None,
     lock: LockOption | None,
-    base: Literal["fixed", "floating"] | None,
+    base: Root | None,
     torque_side: Side | None,
 ) -> Description:
     """Read a robot; see `Robot.load`."""

@@ -10,7 +10,7 @@ from functools import cache
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +19,16 @@ from identifiability.foundation import handed
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import INERTIAL_KINDS, Array, NumberByName, Renames, Strings
-from identifiability.foundation.options import Expected, FilePath, Positive, checked
+from identifiability.foundation.options import (
+    AngleUnit,
+    Expected,
+    FilePath,
+    Positive,
+    Root,
+    Side,
+    TimeUnit,
+    checked,
+)
 from identifiability.foundation.output import check_ending, temporary_folder
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
@@ -28,7 +37,6 @@ from .assembly import LockOption, read_locks
 from .description import Description
 from .files import read_robot
 from .kinematics import WORLD, least_eigenvalue
-from .sidecar import Side
 
 # The ten parameters of a body from its mass, centre and moments of inertia.
 
@@ -214,8 +222,6 @@ DhSource = Annotated[
 
 _VALUES = Expected("a mapping from standard parameters, such as 'joint1.Fv', to numbers")
 
-AnglesOption = Literal["rad", "deg"]
-
 
 @frozen
 class Robot(Description):
@@ -232,9 +238,9 @@ class Robot(Description):
         sidecar: FilePath | None = None,
         columns: Mapping[str, str] | None = None,
         lock: LockOption | None = None,
-        time_unit: Literal["s", "ms", "us", "ns"] | None = None,
-        angles: AnglesOption | None = None,
-        base: Literal["fixed", "floating"] | None = None,
+        time_unit: TimeUnit | None = None,
+        angles: AngleUnit | None = None,
+        base: Root | None = None,
         torque_side: Side | None = None,
     ) -> Robot:
         r"""Read a robot from an MJCF or URDF file, or by the name of a shipped one.
@@ -440,7 +446,7 @@ class Robot(Description):
             If there is no such joint, or it cannot be locked.
         """
         locked = {**self.locked, **read_locks(lock)} if self.lock_option else read_locks(lock)
-        base = cast('Literal["fixed", "floating"] | None', self.base_option)
+        base = cast("Root | None", self.base_option)
         return self._again(Robot.load(self.path, self.sidecar, lock=locked, base=base))
 
     @checked

@@ -37,6 +37,7 @@ from identifiability.foundation.names import (
     is_pattern,
     specificity,
 )
+from identifiability.foundation.options import AngleUnit, Root, Side, TimeUnit
 
 from .locate import LARGEST, LONGEST_NAME, find_sidecar, locate_robot
 
@@ -47,14 +48,6 @@ class Strict(BaseModel):
     model_config = ConfigDict(
         extra="forbid", allow_inf_nan=False, defer_build=True, str_max_length=LONGEST_NAME
     )
-
-
-# `MeasuredTorque`: quantity, side and sign of the numbers in torque columns.
-
-
-#: Where torque is measured: at the joint with all that drives it, behind the gear, before it, or
-#: on both of its sides.
-Side = Literal["joint", "link", "motor", "both"]
 
 
 # `KnownTorque`: known torque as a function of a position.
@@ -262,7 +255,7 @@ class LimitEntry(Strict):
 class _TimeEntry(Strict):
     """The clock of logs."""
 
-    unit: Literal["s", "ms", "us", "ns"] | None = key("Of `t`; else the only plausible one.", None)
+    unit: TimeUnit | None = key("Of `t`; else the only plausible one.", None)
 
 
 class MeasuredTorque(Strict):
@@ -437,10 +430,10 @@ class Sidecar(Strict):
 
     name: str = key("The robot's name.", "")
     description: str = key("A sentence on it.", "")
-    base: Literal["fixed", "floating"] | None = key("Whether its root was bolted down.", None)
+    base: Root | None = key("Whether its root was bolted down.", None)
     actuated: Names | None = key("Joints with a motor; else those of <actuator>, or all.", None)
     locked: Locked = key("Joints that stand still, or a table of where.", [], {"finger": 0.02})
-    angles: Literal["rad", "deg"] | None = key("Unit of angles in logs; else rad.", None)
+    angles: AngleUnit | None = key("Unit of angles in logs; else rad.", None)
     effects: Names = key("Effects that are at some places only.", [], ["joint_stiffness@roll"])
     massless: Names = key("Links of a URDF between the axes of one joint, which are no bodies.", [])
     guessed: Names = key("Bodies whose masses in the file are guesses, compared with nothing.", [])

@@ -17,12 +17,12 @@ from pydantic import AfterValidator, Field
 from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.options import Derivatives
+from identifiability.foundation.options import AngleUnit, Derivatives, Root, Side, TimeUnit
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.description import Bound
 from identifiability.robot.locate import shipped_robots
-from identifiability.robot.sidecar import Length, Masses, Named, Side, Strict
+from identifiability.robot.sidecar import Length, Masses, Named, Strict
 
 #: Name of the file in the folder.
 FILE = "case.toml"
@@ -44,10 +44,10 @@ class SettingsEntry(Strict):
     derivatives: Derivatives | None = key("How derivatives are made.", None, "spline")
     cutoff: Length | None = key("Of the low-pass [Hz].", None)
     decimate: Annotated[int, Field(gt=0)] | None = key("Keep one sample of so many.", None)
-    time_unit: Literal["s", "ms", "us", "ns"] | None = key("Of the times in logs.", None)
-    angles: Literal["rad", "deg"] | None = key("Unit of angles in logs.", None)
+    time_unit: TimeUnit | None = key("Of the times in logs.", None)
+    angles: AngleUnit | None = key("Unit of angles in logs.", None)
     torque_side: Side | None = key("Where torque was measured.", None)
-    base: Literal["fixed", "floating"] | None = key("Whether the root stood still.", None)
+    base: Root | None = key("Whether the root stood still.", None)
 
 
 class ExamEntry(Strict):
