@@ -110,6 +110,13 @@ def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made):
             {j: values[f"{j}.{kind}"] for j in robot.joints}, rel=1e-5
         )
     assert ast.literal_eval(told["stiffness"]) == {"shoulder": 1200, "elbow": 300}
+    limited = replace(
+        robot,
+        servo=replace(robot.servo, low=np.array([-900, -np.inf]), high=np.array([900, np.inf])),
+    )
+    again = export(limited, path, path.with_name("limited.py"), "isaaclab")
+    # Joints that a table leaves out would have no torque.
+    assert "effort_limit={'shoulder': 900.0, 'elbow': 1000000000.0}" in again.robot.read_text()
     with pytest.raises(IdentifiabilityError, match="states no gains of servos"):
         export("two-link", path, path.with_name("none.py"), "isaaclab")
 

@@ -784,8 +784,10 @@ def state_servos(robot: Robot, content: ResultEntry) -> str:
 
 ACTUATORS = '''"""Fitted servos of a robot: a configuration for Isaac Lab.
 
-Friction is torque [N·m], as Isaac Sim 5 and later take it; numbers are those of
-continuous time. What the logs do not determine by itself is near the robot file's.
+These numbers hold with the fitted bodies: import the file that
+`identifiability export ROBOT RESULT --out fitted.xml` (or .urdf) writes. They hold at any
+physics step. Friction is torque [N·m], as Isaac Sim 5 and later take it. What the logs do
+not determine by itself is near the robot file's.
 """
 
 from isaaclab.actuators import DelayedPDActuatorCfg
@@ -816,7 +818,9 @@ def write_isaaclab(robot: Robot, given: NumberByName, content: ResultEntry, out:
         raise RobotError(phrase("exported", "gainless", path=robot.path))
     delay = servo.delay if content.rollout is None else content.rollout.delay
     limits = np.minimum(-servo.low, servo.high)
-    limits = np.where(np.isfinite(limits), limits, np.nan)
+    # In a table that names some joints only, Isaac Lab takes zero for the others; 1e9 is its
+    # own number for no limit.
+    limits = np.where(np.isfinite(limits).any(), np.minimum(limits, 1e9), np.nan)
     columns = {"stiffness": servo.kp, "damping": servo.kv, "effort_limit": limits}
     kinds = {"armature": robot.inertia_parts[0], "friction": "Fc", "viscous_friction": "Fv"}
     for word, kind in (kinds | {"dynamic_friction": "Fc"}).items():
