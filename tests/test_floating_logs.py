@@ -147,7 +147,7 @@ def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     own = told.loc[[name for name in told.index if name.startswith("body.")]]
     assert_allclose(own["value"], own["nominal"], rtol=0.03, atol=3e-4)
     (said,) = (hint for hint in found.hints if "top of the sidecar" in hint)
-    body.path.with_suffix(".toml").write_text(f"{said.partition('sidecar: ')[2]}\n{WRENCH}")
+    body.path.with_suffix(".toml").write_text(f"{said.partition('fit again: ')[2]}\n{WRENCH}")
     again = Robot.load(body.path)
     assert again.base.imu.fit == ("place", "acc_bias")
     assert_allclose(again.base.imu.place, place, atol=2e-3)
