@@ -58,7 +58,7 @@ class Rows:
             tau = self.tau[rows]
             t = np.arange(len(tau)) + float(a)
             data = np.ones(tau.shape, bool)
-            what = self.W[rows], tau, self.raw[rows], t, np.sign(tau), data
+            what = self.W[rows], tau, self.raw[rows], t, data
             yield Chunk(log, a - first, *what)
 
 

@@ -9,7 +9,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm, t
 
 from identifiability import estimate
-from identifiability.estimation.fit import Fit, bootstrap, merge_blocks, scatter_scores, spread_of
+from identifiability.estimation.fit import (
+    Fit,
+    bootstrap,
+    merge_blocks,
+    merge_stretches,
+    scatter_scores,
+    spread_of,
+)
 
 from .made import ar1, gather
 
@@ -109,16 +116,15 @@ def test_the_scatter_of_scores_is_that_of_sums_over_stretches(rho):
     residual = ar1(default_rng(7), rho, 960)[:, 0]
     for column in (1.0, np.tile([1.0, -1.0], 480)):
         found = scatter_scores(*single(residual, 8, column), time=8.0)
-        assert found.stretches == 24
         assert_allclose(found.sd, [by_hand(column * residual, 40)], rtol=1e-6)
 
 
 def test_a_stretch_is_five_memories_long_while_twelve_are_left():
     residual = default_rng(0).normal(size=960)
     for time, stretches in ((1.6, 120), (8.0, 24), (16.0, 12), (1e4, 12)):
-        assert scatter_scores(*single(residual, 8), time).stretches == stretches
+        assert len(merge_stretches(single(residual, 8)[0], time).counts) == stretches
     # Eleven say nothing.
-    assert scatter_scores(*single(residual, 960 // 12), 1.0).stretches == 12
+    assert scatter_scores(*single(residual, 960 // 12), 1.0) is not None
     assert scatter_scores(*single(residual[:880], 880 // 11), 1.0) is None
 
 
