@@ -1,5 +1,7 @@
 """The result: statement, frames, JSON schema, report, fixed values, command line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,6 +27,11 @@ def test_the_statement_says_effect_joints_odds_and_how_far_the_gap_shrinks(diagn
     assert text.startswith("What is missing? Stribeck friction in slider1 and slider3, up to ")
     assert "goes from" in text
     assert any(row[2].text in text for row in diagnosis.tables()[0].rows)  # one size
+    (effect,) = diagnosis.effects
+    assert "hardly determine" in text  # its sizes lie within two standard errors
+    sure = tuple(replace(p, errors=0.1 * np.abs(p.values)) for p in effect.placements)
+    known = replace(diagnosis, effects=(replace(effect, placements=sure),))
+    assert "hardly determine" not in known.details
 
 
 def test_json_follows_the_schema(diagnosis):
