@@ -101,7 +101,8 @@ def _shorten_command(case: CaseFile, line: str, *, alone: bool) -> str:
     placed = {p.name for p in command.params if p.param_type_name == "argument"} - set(inputs)
     if any(_as_words(typed.get(name)) for name in placed):  # words that the case does not state
         return line
-    settings = {f"{key}={_as_text(x)}" for key, x in case.settings.items()}
+    given = case.settings.items()
+    settings = {f"{key}={x if isinstance(x, str) else f'{x:g}'}" for key, x in given}
     rest = {name: x for name, x in typed.items() if name not in inputs}
     rest["set"] = [text for text in typed.get("set") or () if text not in settings]
     for name in WRITTEN:
@@ -115,12 +116,6 @@ def _as_words(value: Any) -> list[str]:
     """Return the value of an option as it is typed: paths in one form, and no value as no word."""
     words = value if isinstance(value, (list, tuple)) else [value]
     return [str(Path(word)) for word in words if isinstance(word, str) and word != "none"]
-
-
-def _as_text(value: Any) -> str:
-    if isinstance(value, str):
-        return value
-    return f"{value:g}"
 
 
 def _options(params: Iterable[Any], typed: Mapping[str, Any]) -> list[str]:

@@ -519,6 +519,13 @@ class FittedModel:
         part = submodel.reduce(whole)
         return FittedModel(structure, submodel, whole, part, estimator.fit(part))
 
+    @staticmethod
+    def recall(
+        structure: Structure, submodel: Submodel, whole: Information, estimate: Estimate
+    ) -> FittedModel:
+        """Return a model that was fitted before."""
+        return FittedModel(structure, submodel, whole, submodel.reduce(whole), estimate)
+
     @cached_property
     def to_x(self) -> Array:
         """The model's parameters of standard ones, (m, p); tied columns take the mean."""

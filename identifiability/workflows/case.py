@@ -903,7 +903,8 @@ def gather_data(
     """Return prepared logs as data of a model, before any check."""
     every = (*prepared.fitted, *prepared.held_out)
     split = tuple(text for s in every for text in s.hints)
-    hints = (*recordings.hints, *split, *_tell_motion(how))
+    reason = getattr(how, "reason", "")  # why the motion is a series
+    hints = (*recordings.hints, *split, *filter(None, [reason]))
     data = Data(
         structure=structure,
         recordings=recordings,
@@ -916,13 +917,6 @@ def gather_data(
     if data.silence:
         return replace(data, validation=())
     return data
-
-
-def _tell_motion(how: Preparation) -> Strings:
-    """Return the reason why the motion is a series, if that was chosen."""
-    if isinstance(how, CommonPreparation) and how.reason:
-        return (how.reason,)
-    return ()
 
 
 def seek_reading(widest: Data, own: Data) -> Reading | None:

@@ -6,7 +6,6 @@ before `case.toml`, and `case.toml` before the sidecar of the robot.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -193,8 +192,9 @@ class CaseFile:
             if body not in robot.bodies:
                 near = near_match(body, robot.bodies)
                 raise RobotError(Finding("case.body", self.folder / FILE, body=body, near=near))
-        kept = (replace(b, mass=None) if _is_of(b, masses) else b for b in robot.bounds)
-        stated = (Bound((body,), span) for body, span in masses.items())
+        stated = [Bound((body,), span) for body, span in masses.items()]
+        alone = [bound.bodies for bound in stated]
+        kept = (replace(b, mass=None) if b.bodies in alone else b for b in robot.bounds)
         return replace(robot, bounds=(*kept, *stated))
 
     def read_truth(self, robot: Robot) -> TruthEntry | None:
@@ -228,8 +228,3 @@ class CaseFile:
         told = ("time_unit", "angles", "base", "torque_side")
         own = {k: v for k, v in self.settings.items() if k in told}
         return self.with_masses(Robot.load(self.robot, self.sidecar, lock=self.entry.lock, **own))
-
-
-def _is_of(bound: Bound, bodies: Iterable[str]) -> bool:
-    """Return whether a bound is of one of some bodies."""
-    return len(bound.bodies) == 1 and bound.bodies[0] in bodies

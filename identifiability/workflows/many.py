@@ -87,9 +87,18 @@ def _check_options(verb: str, given: Mapping[str, Any]) -> None:
 
 #: Table entries of a robot that has no answer yet.
 EMPTY: dict[str, Any] = {
-    **{"robot": "", "logs": [], "held": [], "model": "", "parameters": None, "verdicts": {}},
-    **{"error": None, "error_unseen": None, "missing": [], "warnings": []},
-    **{"failed": "", "page": ""},
+    "robot": "",
+    "logs": [],
+    "held": [],
+    "model": "",
+    "parameters": None,
+    "verdicts": {},
+    "error": None,
+    "error_unseen": None,
+    "missing": [],
+    "warnings": [],
+    "failed": "",
+    "page": "",
 }
 
 

@@ -133,10 +133,8 @@ class ConsistentNumbers:
     def __init__(self, found: Analysis) -> None:
         self.found = found
         self.structure = found.structure
-        chosen = found.chosen
-        part = chosen.submodel.reduce(found.information)
-        what = self.structure, chosen.submodel, found.information, part, chosen.estimate
-        self.model = FittedModel(*what)
+        what = found.chosen.submodel, found.information, found.chosen.estimate
+        self.model = FittedModel.recall(self.structure, *what)
 
     def of(self, name: str) -> Profile:
         """Return the profile of a number."""

@@ -18,6 +18,7 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.series import KINDS, measured_noise
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import Submodel
+from identifiability.regression.regression import Regression
 from identifiability.robot import Robot
 from identifiability.workflows.case import Data, WeightedRows
 
@@ -65,13 +66,16 @@ class SharedErrors:
 
 def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
     """Return the changes of fitted values by delays, gains and noise of the motion."""
-    delayed = tuple(_gather_delayed(rows.data, logs) for logs in rows.data.recordings.later)
+    data = rows.data
+    later = (_prepare_again(data, logs) for logs in data.recordings.later)
+    delayed = tuple(_gather(data, data.regression.with_torque(samples)) for samples in later)
     others = {"delay": delayed} if delayed else {}
     if _motion_is_noisy(rows):
-        fitted = enumerate(rows.data.recordings.fitted)
+        fitted = enumerate(data.recordings.fitted)
         rng = np.random.default_rng
         noisier = {k: noise_again(log, rng(0)) for k, log in fitted if not log.long}
-        others["bias"] = (_gather_again(rows.data, noisier),)
+        noisy = data.structure.regression(_prepare_again(data, noisier))
+        others["bias"] = (_gather(data, noisy),)
     return SharedErrors(rows.unweighted, others, rows.estimator)
 
 
@@ -100,20 +104,13 @@ def _motion_is_noisy(rows: WeightedRows) -> bool:
     return _has_loud_motion(rows.data) and not accounted
 
 
-def _gather_again(data: Data, logs: Mapping[int, Log]) -> Information:
-    """Return the information with some fitted logs in another version, by their place."""
-    rows = gather_information(data.structure.regression(_prepare_again(data, logs)))
-    return with_known(rows, data.structure.known)
-
-
-def _gather_delayed(data: Data, logs: Mapping[int, Log]) -> Information:
-    """Return the same where only the torque of these logs is another."""
-    rows = gather_information(data.regression.with_torque(_prepare_again(data, logs)))
-    return with_known(rows, data.structure.known)
+def _gather(data: Data, regression: Regression) -> Information:
+    """Return the information of other rows about the model of some data."""
+    return with_known(gather_information(regression), data.structure.known)
 
 
 def _prepare_again(data: Data, logs: Mapping[int, Log]) -> list[Dataset]:
-    """Return the samples with some fitted logs in another version."""
+    """Return the samples with some fitted logs in another version, by their place."""
     samples = list(data.samples)
     for k, log in logs.items():
         samples[k] = measure_again(data.robot, log, samples[k], data.preparation)

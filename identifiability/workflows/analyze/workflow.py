@@ -383,9 +383,8 @@ def believe(found: Analysis, say: Progress) -> Analysis:
     if found.nothing:
         return replace(found, belief=Belief(None, {}, found.nothing))
     chosen = found.chosen
-    information = found.information
-    part = chosen.submodel.reduce(information)
-    model = FittedModel(found.structure, chosen.submodel, information, part, chosen.estimate)
+    what = chosen.submodel, found.information, chosen.estimate
+    model = FittedModel.recall(found.structure, *what)
     sampling = share(say, "sampling the posterior", 0.9, 0.99)
     within = found.settings["prior"]
     models = list(found.models)

@@ -408,12 +408,6 @@ class Question:
             self.estimator,
         )
 
-    def recall(self, submodel: Submodel, estimate: Estimate) -> FittedModel:
-        """Return a model that was fitted before. All of them at once would fill the memory."""
-        structure = self.rows.data.structure
-        whole = self.rows.information
-        return FittedModel(structure, submodel, whole, submodel.reduce(whole), estimate)
-
 
 @frozen
 class PathPredictions:
@@ -537,9 +531,11 @@ def judge_step(
     """
     steps = search.steps
     submodel, estimate = found.fits[k]
-    model = question.recall(submodel, estimate)
+    rows = question.rows
+    # All of them at once would fill the memory.
+    model = FittedModel.recall(rows.data.structure, submodel, rows.information, estimate)
     torque = rms_torque(found.fitted)
-    how = rng, draws, question.full, question.rows.data.missing, question.shared
+    how = rng, draws, question.full, rows.data.missing, question.shared
     fit, verdicts, infeasible = decide_model(model, torque, *how, real=robot)
     best = steps[best_step(steps)]
     density = steps[k].score.gain(best.score)
