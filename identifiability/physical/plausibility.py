@@ -6,6 +6,8 @@ than the robot itself, and a robot is not lighter than thin air.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from identifiability.foundation.findings import Finding
@@ -21,14 +23,15 @@ from .pseudo_inertia import to_matrix
 from .rules import RULES
 
 
-def check_plausible(robot: Robot) -> list[Finding]:
-    """Return the findings on implausible numbers of a robot file."""
-    scale = find_millimetres(robot)
-    return [*scale, *([] if scale else find_implausible_bodies(robot)), *find_fixed_legs(robot)]
+def check_plausible(robot: Robot) -> Iterator[Finding]:
+    """Yield the findings on implausible numbers of a robot file."""
+    scale = [*find_millimetres(robot)]
+    yield from scale or find_implausible_bodies(robot)
+    yield from find_fixed_legs(robot)
 
 
-def find_implausible_bodies(robot: Robot) -> list[Finding]:
-    """Return bodies whose inertia is too small or too large for their mass and the robot's size."""
+def find_implausible_bodies(robot: Robot) -> Iterator[Finding]:
+    """Yield bodies whose inertia is too small or too large for their mass and the robot's size."""
     largest = max(measure_reach(robot), 1.0)
     impossible = check_bodies(robot)
     dense = []
@@ -45,13 +48,11 @@ def find_implausible_bodies(robot: Robot) -> list[Finding]:
             wide.append(body)
     name = robot.path.name
     stated = _quote_bodies(robot)
-    found = []
     if dense:
-        found.append(Finding("dense", name, bodies=[stated[body] for body in dense]))
+        yield Finding("dense", name, bodies=[stated[body] for body in dense])
     if wide:
         quoted = [stated[body] for body in wide]
-        found.append(Finding("wide", name, bodies=quoted, reach=largest))
-    return found
+        yield Finding("wide", name, bodies=quoted, reach=largest)
 
 
 def _quote_bodies(robot: Robot) -> dict[str, str]:
@@ -105,21 +106,19 @@ def measure_reach(robot: Robot) -> float:
     return reach
 
 
-def find_millimetres(robot: Robot) -> list[Finding]:
-    """Return that lengths seem to be millimetres: in metres the robot weighs less than thin air."""
+def find_millimetres(robot: Robot) -> Iterator[Finding]:
+    """Yield that lengths seem to be millimetres: in metres the robot weighs less than thin air."""
     masses = sum(robot.nominal[f"{body}.m"] for body in robot.bodies)
     reach = measure_reach(robot)
-    if reach == 0 or (masses or 1.0) / reach**3 > RULES.lightest:
-        return []
-    return [Finding("millimetres", robot.path.name, reach=reach, mass=masses)]
+    if reach > 0 and (masses or 1.0) / reach**3 <= RULES.lightest:
+        yield Finding("millimetres", robot.path.name, reach=reach, mass=masses)
 
 
-def find_fixed_legs(robot: Robot) -> list[Finding]:
-    """Return legs that hang on a base which the file, and nobody else, holds still."""
+def find_fixed_legs(robot: Robot) -> Iterator[Finding]:
+    """Yield legs that hang on a base which the file, and nobody else, holds still."""
     if robot.base is not None or robot.said.base is not None or robot.closed:
-        return []
+        return
     joints = [robot.tree.joints[link.first].dofs[0] for link in robot.links]
     legs = find_legs(joints, robot.bodies, [link.parent for link in robot.links])
     if len(legs) > 1:
-        return [Finding("legs", robot.path.name, legs=legs)]
-    return []
+        yield Finding("legs", robot.path.name, legs=legs)

@@ -39,23 +39,22 @@ from .registry import Does, MeasuredLogs, check, without
 
 
 @check("effects", Does.HINTS, always=True)
-def find_left_out_effects(logs: MeasuredLogs) -> list[Finding]:
-    """Return effects that the sidecar asks for and another model has not."""
+def find_left_out_effects(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield effects that the sidecar asks for and another model has not."""
     own = [e for e in logs.robot.said.effects if e not in logs.structure.model.texts]
     if own:
-        return [Finding("effects", effects=own)]
-    return []
+        yield Finding("effects", effects=own)
 
 
 @check("unit", Does.EXPLAINS)
-def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
-    """Return a finding if the scale of torque contradicts the file at every joint that shows it."""
+def find_torque_scale(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield a finding if the scale of torque contradicts the file at every joint that shows it."""
     factors = measure_factors(logs) if logs.weighs else np.empty(0)
     share = factors[np.isfinite(factors)]
     most = np.log(RULES.unit_factor)
     shows = 2 * len(share) >= len(factors) > 0
     if not shows or not (np.abs(np.log(share)) > most).all():
-        return []
+        return
     how = "alike" if np.ptp(np.log(share)) < most else "apart"
     # A column in mA or mN·m was read as A or N·m.
     milli = np.abs(np.log(share * UNITS["mA"][1])) < most
@@ -65,12 +64,12 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
     multiple = " … ".join(dict.fromkeys(f"{x:.2g}" for x in ends))
     first = toml_key(logs.joints[0])
     said = phrase("unit", how, first=first)
-    return [Finding("unit", multiple=f"{multiple} times", how=said, factors=share.tolist())]
+    yield Finding("unit", multiple=f"{multiple} times", how=said, factors=share.tolist())
 
 
 @check("joint_unit", Does.HINTS)
-def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
-    """Return each joint whose torque contradicts the file by a factor, if all others agree."""
+def find_joint_unit(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield each joint whose torque contradicts the file by a factor, if all others agree."""
     factors = measure_factors(logs) if logs.weighs else np.empty(0)
     known = np.isfinite(factors) & (factors > 0)
     apart = np.abs(np.log(np.where(known, factors, 1.0)))
@@ -78,21 +77,12 @@ def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
     agreeing = int(known.sum()) - len(odd)
     # One joint contradicts the others; the file is not wrong at most joints.
     if len(odd) > agreeing:
-        return []
-    found = list[Finding]()
+        return
     for k in odd:
         joint = logs.joints[k]
-        factor = float(factors[k])
-        found.append(
-            Finding(
-                "joint_unit",
-                joint=joint,
-                columns=(f"{joint}.tau",),
-                factor=factor,
-                limit=RULES.unit_factor,
-            )
-        )
-    return found
+        columns = (f"{joint}.tau",)
+        numbers = {"factor": float(factors[k]), "limit": RULES.unit_factor}
+        yield Finding("joint_unit", joint=joint, columns=columns, **numbers)
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:
@@ -129,8 +119,8 @@ def _slope(predicted: Array, measured: Array, known: Array) -> float:
 
 
 @check("flat", Does.HINTS)
-def find_saturation(logs: MeasuredLogs) -> list[Finding]:
-    """Return torque columns that stay at their extreme values while the robot moves."""
+def find_saturation(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield torque columns that stay at their extreme values while the robot moves."""
     found = {}
     for rows in (log.shown for log in logs.recordings if not of_commands(log)):
         moves = np.append(np.diff(rows.q, axis=0).any(1), True)
@@ -145,31 +135,18 @@ def find_saturation(logs: MeasuredLogs) -> list[Finding]:
                 lasts = at[3:] & at[2:-1] & at[1:-2] & at[:-3]
                 # The value occurs this often in all, and this much more often than its neighbours.
                 if share >= 0.005 and lasts.any() and at.sum() > 6 * (near - at.sum()):
-                    found[joint] = phrase(
-                        "flat",
-                        "one",
-                        joint=joint,
-                        value=top,
-                        share=share,
-                    )
+                    found[joint] = phrase("flat", "one", joint=joint, value=top, share=share)
     columns = tuple(f"{joint}.tau" for joint in found)
     if found:
-        return [
-            Finding(
-                "flat",
-                where=[*found.values()],
-                columns=columns,
-            )
-        ]
-    return []
+        yield Finding("flat", where=[*found.values()], columns=columns)
 
 
 # Drives that are off: currents read zero, and brakes or shorted windings stop the robot.
 
 
 @check("off", Does.HINTS)
-def find_off(logs: MeasuredLogs) -> list[Finding]:
-    """Return stretches in which every torque is zero on average, and a joint still moves."""
+def find_off(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield stretches in which every torque is zero on average, and a joint still moves."""
     places = []
     for log in logs.recordings:
         rows = log.shown
@@ -186,59 +163,60 @@ def find_off(logs: MeasuredLogs) -> list[Finding]:
             if moves.any() and not of_commands(log):
                 first, last = rows.t[at[[0, -1]]]
                 places.append(phrase("off", "one", log=log.name, first=first, last=last))
-    return [Finding("off", where=places)] if places else []
+    if places:
+        yield Finding("off", where=places)
 
 
 # Problems of the robot file, and joints without information; checked for any logs.
 
 
 @check("bodies", Does.HINTS, always=True)
-def find_bodies(logs: MeasuredLogs) -> list[Finding]:
-    """Return the bodies of the file that cannot exist."""
+def find_bodies(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield the bodies of the file that cannot exist."""
     text = find_impossible_bodies(logs.robot)
-    return [Finding("bodies", text)] if text else []
+    if text:
+        yield Finding("bodies", text)
 
 
 @check("dense", Does.HINTS, always=True)
-def find_implausible(logs: MeasuredLogs) -> list[Finding]:
-    """Return implausible inertias and lengths of the robot file, and legs on a fixed base."""
-    return check_plausible(logs.robot)
+def find_implausible(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield implausible inertias and lengths of the robot file, and legs on a fixed base."""
+    yield from check_plausible(logs.robot)
 
 
 @check("assembly", Does.HINTS, always=True)
-def find_assembly(logs: MeasuredLogs) -> list[Finding]:
-    """Return how loops were closed that the file leaves open."""
+def find_assembly(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield how loops were closed that the file leaves open."""
     text = logs.robot.describe_assembly()
-    return [Finding("assembly", text)] if text else []
+    if text:
+        yield Finding("assembly", text)
 
 
 @check("outside", Does.HINTS, always=True)
-def find_outside(logs: MeasuredLogs) -> list[Finding]:
-    """Return a finding on the bodies of the scene that were left out."""
+def find_outside(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield a finding on the bodies of the scene that were left out."""
     robot = logs.robot
     if robot.outside:
-        return [Finding("outside", robot.path.name, bodies=robot.outside)]
-    return []
+        yield Finding("outside", robot.path.name, bodies=robot.outside)
 
 
 @check("springs", Does.HINTS, always=True)
-def find_sprung_joints(logs: MeasuredLogs) -> list[Finding]:
-    """Return a finding on springs of the robot file between motors and links."""
+def find_sprung_joints(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield a finding on springs of the robot file between motors and links."""
     robot = logs.robot
     joints = [*robot.springs]
     if joints:
-        return [Finding("springs", robot.path.name, joints=joints)]
-    return []
+        yield Finding("springs", robot.path.name, joints=joints)
 
 
 @check("beyond", Does.HINTS, always=True)
-def find_beyond(logs: MeasuredLogs) -> list[Finding]:
-    """Return the joints that move beyond the limits that the file states, but for whole turns."""
+def find_beyond(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield the joints that move beyond the limits that the file states, but for whole turns."""
     limits = logs.robot.limits
     q = logs.motion.actuated_q
     low, high = limits.T
     if not len(q) or q.shape[1] != len(low):
-        return []
+        return
     turns = ~logs.robot.slides
     middle = np.where(np.isfinite(limits), limits, 0.0).mean(1)
     away = np.median(q, 0) - middle
@@ -252,65 +230,56 @@ def find_beyond(logs: MeasuredLogs) -> list[Finding]:
     for joint, *ends in zip(names[far], least[far], most[far], low[far], high[far], strict=True):
         said.append("{} ({:.3g} … {:.3g}, limits {:.3g} … {:.3g})".format(joint, *ends))
     if said:
-        return [Finding("beyond", joints=said)]
-    return []
+        yield Finding("beyond", joints=said)
 
 
 @check("still", Does.HINTS, always=True)
-def find_still(logs: MeasuredLogs) -> list[Finding]:
-    """Return a finding on joints that never move."""
+def find_still(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield a finding on joints that never move."""
     surveys = [s.survey for s in logs.samples]
     idle = stands_still(surveys)
     rows = np.sum([s.rows for s in surveys], axis=0)
     states = zip(logs.joints, rows, idle, strict=True)
     still = [j for j, r, s in states if not r and s]
     if not (still and any(s.outputs for s in surveys)):
-        return []
+        return
     medians = np.median(logs.motion.actuated_q, 0)
     at = name_each(logs.robot.joints, medians)
     places = [f"{joint}={at[joint]:.4g}" for joint in still if joint in at]
     locks = " ".join(option_for_shell("--lock", place) for place in places)
     columns = tuple(f"{j}.tau" for j in still)
     locks = f" ({locks})" if locks else ""
-    return [
-        Finding(
-            "still",
-            joints=still,
-            locks=locks,
-            rows="all",
-            columns=columns,
-        )
-    ]
+    yield Finding("still", joints=still, locks=locks, rows="all", columns=columns)
 
 
 # Contacts of a robot that floats: does it stay up by those that are closed?
 
 
 @check("unheld", Does.MISREADS)
-def find_unheld(logs: MeasuredLogs) -> list[Finding]:
-    """Return a finding if neither a closed contact nor a measured force carries the robot."""
+def find_unheld(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield a finding if neither a closed contact nor a measured force carries the robot."""
     robot = logs.robot
     base = robot.base
     some = logs.motion
     fall = 0.0 if base is None else float(np.linalg.norm(base.gravity))
     if base is None or not (fall and logs.weighs):
-        return []
+        return
     closed = np.zeros((len(some), 0)) if some.touch is None else some.touch[:, 3:]
     free = ~(closed > 0.5).any(1)
     held = free & (np.linalg.norm(some.a[:, :3], axis=1) > fall / 2)
     if held.sum() < max(RULES.fewest, free.sum() / 2):
-        return []
+        return
     needed = logs.predicted[held, :3]
     work = (logs.torque[held, :3] * needed).sum()
     needed_work = (needed**2).sum()
     share = float(work / needed_work)
     if share > 0.5:
-        return []
+        return
     which = "wrenches" if base.wrenches else "closed" if base.contacts else "nothing"
     cause = phrase("unheld", "opposite" if share < -0.5 else "less")
     percent = {"share": 100 * held.mean(), "held": 100 * share}
     why = phrase("unheld", which, name=robot.name, cause=cause, **percent)
-    return [Finding("unheld", why=why)]
+    yield Finding("unheld", why=why)
 
 
 # Rows that lie out: they are weighed down in the fit, and are no data where names are looked for.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
@@ -21,11 +23,11 @@ NEIGHBOURS = 5
 
 
 @check("magnitude", Does.MISREADS)
-def find_magnitudes(logs: MeasuredLogs) -> list[Finding]:
-    """Return torque columns that may be magnitudes, and that a torque of both signs explains."""
+def find_magnitudes(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield torque columns that may be magnitudes, and that a torque of both signs explains."""
     joints = np.flatnonzero(may_be_magnitudes(logs)).tolist()
     if not joints:
-        return []
+        return
     columns = logs.structure.model.regressor(logs.robot, logs.motion)
     names = [
         f"{logs.joints[j]}.tau"
@@ -33,8 +35,7 @@ def find_magnitudes(logs: MeasuredLogs) -> list[Finding]:
         if is_magnitude(columns[:, j], logs.torque[:, j], logs.predicted[:, j])
     ]
     if names:
-        return [Finding("magnitude", columns=names)]
-    return []
+        yield Finding("magnitude", columns=names)
 
 
 def may_be_magnitudes(logs: MeasuredLogs) -> Array:

@@ -6,7 +6,7 @@ torque of several joints, so that no reading of joints mends its column.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -38,20 +38,20 @@ class Misread(NamedTuple):
 
 
 @check("motor", Does.MISREADS)
-def find_misread_motors(logs: MeasuredLogs) -> list[Finding]:
-    """Return columns of coupled motors whose change makes the torque far more plausible.
+def find_misread_motors(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield columns of coupled motors whose change makes the torque far more plausible.
 
     Their motors then give energy to every joint, because friction takes it. The squared residual is
     halved, or falls by a fifth if a joint gives energy by the columns as they are.
     """
     gear = logs.robot.transmission
     if gear is None or not {*gear.motors} <= {*logs.recordings[0].joints}:
-        return []
+        return
     to_joints = gear.ratio[:, None] * gear.coupling
     driven = _are_driven(logs)
     measured = logs.torque[:, driven] @ np.linalg.pinv(to_joints)
     if len(gear.motors) > len(to_joints.T) or not measured.any(axis=0).all():
-        return []
+        return
     changed = _list_changes(measured)
     squares = _square_residuals(logs, to_joints, [x.torque for x in changed])
     speed = logs.motion.actuated_v[:, driven]
@@ -59,10 +59,10 @@ def find_misread_motors(logs: MeasuredLogs) -> list[Finding]:
     share = 0.8 if energy[0] < 0 else 0.5
     plausible = (np.array(energy) > 0) & (squares < share * squares[0])
     if not plausible.any():
-        return []
+        return
     best = changed[int(np.where(plausible, squares, np.inf).argmin())]
     motors = [gear.motors[k] for k in best.motors]
-    return [Finding("motor", what=phrase("motor", best.how, motors=motors))]
+    yield Finding("motor", what=phrase("motor", best.how, motors=motors))
 
 
 def _are_driven(logs: MeasuredLogs) -> np.ndarray:

@@ -53,7 +53,7 @@ class Check:
         Key of its sentences in `findings.toml`. The order of keys there is the order of
         corrections, of explanations, and of all other findings.
     does : Does
-    find : callable(MeasuredLogs) -> sequence of Finding, or callable(RawLogs) -> RawLogs
+    find : callable(MeasuredLogs) -> iterable of Finding, or callable(RawLogs) -> RawLogs
     always : bool
         Whether it always runs. Its findings concern the robot file, or all logs together.
     """
@@ -286,7 +286,7 @@ def find_oddities(logs: MeasuredLogs, *, explained: bool = False) -> Oddities:
     commanded = any(map(of_commands, logs.recordings))
     kinds = (Does.MISREADS,) if explained else (Does.MISREADS, Does.EXPLAINS)
     asked = [] if commanded else [c for c in CHECKS if c.does in kinds]
-    found = ((c, c.find(logs)) for c in asked)
+    found = ((c, [*c.find(logs)]) for c in asked)
     which, first = next((pair for pair in found if pair[1]), (None, ()))
     misread = which is not None and which.does is Does.MISREADS
     return Oddities((*first, *beside), bool(first), misread)

@@ -227,7 +227,7 @@ class ReadingCandidates:
 
     def geared(self) -> Iterator[Reading]:
         """Yield torque of motors, each before its gear, if the file's masses show that."""
-        if self.logs.robot.torque.gain or not find_torque_scale(self.logs):
+        if self.logs.robot.torque.gain or not [*find_torque_scale(self.logs)]:
             return
         factors = measure_factors(self.logs)
         shows = np.isfinite(factors)

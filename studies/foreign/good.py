@@ -117,6 +117,6 @@ def false_frame(seeds: int, data: Path | None) -> pd.DataFrame:
         row = rows.setdefault(name, {"robot": name, "logs": 0, **dict.fromkeys(FINDERS, 0)})
         row["logs"] += 1
         for what, find in FINDERS.items():
-            row[what] += bool(find(logs))
+            row[what] += bool([*find(logs)])
     every = {"robot": "all", **{k: sum(r[k] for r in rows.values()) for k in ("logs", *FINDERS)}}
     return pd.DataFrame([*rows.values(), every])

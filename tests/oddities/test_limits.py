@@ -41,7 +41,7 @@ def scaled(*factors, follows=1.0, felt=1.0):
     noise = np.sqrt(1 / follows**2 - 1) * WAVES[:, 4:] * [felt, 1.0]
     given = {"predicted": predicted, "torque": (predicted + noise) * factors,
              "stated": np.full((N, 2), np.nan), "ordinary": lambda _: np.ones((N, 1))}  # fmt: skip
-    return torque_scale.find_torque_scale(logs(weighs=True, **given))
+    return [*torque_scale.find_torque_scale(logs(weighs=True, **given))]
 
 
 # Columns at rates of their own.
@@ -119,11 +119,11 @@ ROWS = {
     "very good no more": (lambda x: grade_of(x) != "very-good", 0.0299, 0.0301),
     "fair": (lambda x: grade_of(x) == "fair", 0.0799, 0.0801),
     "useless": (lambda x: grade_of(x) == "useless", 0.499, 0.501),
-    "motion a turn off": (lambda x: torque_scale.find_beyond(moved(x)), -2 * np.pi, -1.5),
+    "motion a turn off": (lambda x: [*torque_scale.find_beyond(moved(x))], -2 * np.pi, -1.5),
     "motion beside no limits": (
-        lambda x: torque_scale.find_beyond(moved(1.5, np.inf if x else 1.0)), 1, 0
+        lambda x: [*torque_scale.find_beyond(moved(1.5, np.inf if x else 1.0))], 1, 0
     ),
-    "motion beyond limits": (lambda x: torque_scale.find_beyond(moved(x)), 1.005, 1.03),
+    "motion beyond limits": (lambda x: [*torque_scale.find_beyond(moved(x))], 1.005, 1.03),
     "positions that fit in degrees": (
         lambda x: looks_like_degrees(np.linspace(-x, x, N), -1.0, 1.0) or None, 1.005, 50.0
     ),

@@ -12,7 +12,7 @@ def moves():
     robot = Robot.load("3-rps")
     effects = ("rigid_body", "viscous_friction", "coulomb_asymmetry", "actuator_inertia")
     structure = Structure.of(robot, Model.of(*effects))
-    return robot, structure, propose_moves(structure, structure.base.names)
+    return robot, structure, [*propose_moves(structure, structure.base.names)]
 
 
 def test_the_papers_geometry_is_proposed_from_the_joints_alone(moves):

@@ -6,7 +6,7 @@ kinematics.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from functools import cached_property
@@ -381,8 +381,8 @@ def _place(joint: Joint) -> Array:
 # friction.
 
 
-def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
-    """Return the moves that the robot suggests about some base parameters.
+def propose_moves(structure: Structure, columns: Sequence[str]) -> Iterator[Move]:
+    """Yield the moves that the robot suggests about some base parameters.
 
     Parameters
     ----------
@@ -390,22 +390,22 @@ def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     columns : sequence of str
         The base parameters that the model has.
     """
-    moves = offset_moves(structure, columns) + merge_moves(structure, columns)
-    moves += declared_moves(structure.robot, columns)
-    moves += zero_moves(structure, columns)
-    ties = [{*c} for m in moves if m.kind is Kind.TIE for c in m.tie]
-    more = tie_moves(structure, columns)
-    return moves + [m for m in more if {*m.tie[0]} not in ties]
+    yield from offset_moves(structure, columns)
+    yield from merge_moves(structure, columns)
+    declared = [*declared_moves(structure.robot, columns)]
+    yield from declared
+    yield from zero_moves(structure, columns)
+    ties = [{*c} for m in declared for c in m.tie]
+    yield from (m for m in tie_moves(structure, columns) if {*m.tie[0]} not in ties)
 
 
 def limit_moves(
     structure: Structure, columns: Sequence[str], curves: Iterable[Profile]
-) -> list[Move]:
-    """Return the zeros of effects whose shape the logs do not keep from one of its limits.
+) -> Iterator[Move]:
+    """Yield the zeros of effects whose shape the logs do not keep from one of its limits.
 
     The curve of the effect vanishes at that limit, or is the curve of an effect that the model has.
     """
-    moves = []
     for curve in curves:
         joint, _, family = curve.number.name.rpartition(".")
         own = [p.name for p in structure.parameters if (p.owner, p.group) == (joint, family)]
@@ -413,38 +413,37 @@ def limit_moves(
         for limit, is_open, end in zip(curve.number.limits, curve.open, ("0", "∞"), strict=True):
             if is_open and levels and (not limit or (limit, joint) in structure.present):
                 why = f"The logs allow {curve.number.name} → {end}, the limit without the effect"
-                moves.append(Move(Kind.LIMIT, levels, why=why))
+                yield Move(Kind.LIMIT, levels, why=why)
                 break
-    return moves
 
 
-def offset_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
-    """Return the zeros of torque offsets.
+def offset_moves(structure: Structure, columns: Sequence[str]) -> Iterator[Move]:
+    """Yield the zeros of torque offsets.
 
     An offset looks like gravity. If it is tested last, it can replace a dropped mass.
     """
     names = (f"{joint}.off" for joint in structure.robot.joints)
-    return [Move(Kind.OFFSET, (n,), why="Torque without offset") for n in names if n in columns]
+    return (Move(Kind.OFFSET, (n,), why="Torque without offset") for n in names if n in columns)
 
 
-def merge_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
-    """Return the merges of a joint's two Coulomb levels."""
+def merge_moves(structure: Structure, columns: Sequence[str]) -> Iterator[Move]:
+    """Yield the merges of a joint's two Coulomb levels."""
     pairs = ((f"{joint}.Fc+", f"{joint}.Fc-") for joint in structure.robot.joints)
     why = "Friction of the same size in both directions"
-    return [Move(Kind.MERGE, tie=(p,), why=why) for p in pairs if {*p} <= {*columns}]
+    return (Move(Kind.MERGE, tie=(p,), why=why) for p in pairs if {*p} <= {*columns})
 
 
-def declared_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
-    """Return the ties of the robot's sidecar."""
+def declared_moves(robot: Robot, columns: Sequence[str]) -> Iterator[Move]:
+    """Yield the ties of the robot's sidecar."""
     known = set(columns)
     sets = [tuple(members) for tie in robot.ties for members in tie.values()]
     where = robot.sidecar.name if robot.sidecar is not None else "the sidecar"
     why = f"{where} declares them equal"
-    return [Move(Kind.TIE, tie=(s,), why=why) for s in sets if {*s} <= known and len(s) > 1]
+    return (Move(Kind.TIE, tie=(s,), why=why) for s in sets if {*s} <= known and len(s) > 1)
 
 
-def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
-    """Return moves that zero the columns which mirror symmetry of bodies makes zero.
+def zero_moves(structure: Structure, columns: Sequence[str]) -> Iterator[Move]:
+    """Yield moves that zero the columns which mirror symmetry of bodies makes zero.
 
     Columns of equal bodies are set to zero together.
     """
@@ -453,7 +452,6 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     sets = find_equal_bodies(robot)
     single = [(k,) for k in range(len(parts)) if not any(k in s for s in sets)]
     known = set(columns)
-    moves = []
     seen = set[str]()
     for bodies in [*single, *sets]:
         # One hinge does not constrain the shape of its body.
@@ -469,25 +467,22 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
         seen.update(names)
         if names:
             why = f"The joints of {listing([robot.bodies[k] for k in bodies], 4)} are symmetric"
-            moves.append(Move(Kind.ZERO, names, why=why))
-    return moves
+            yield Move(Kind.ZERO, names, why=why)
 
 
-def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
-    """Return moves that tie columns which become equal if equal chains have equal bodies."""
+def tie_moves(structure: Structure, columns: Sequence[str]) -> Iterator[Move]:
+    """Yield moves that tie columns which become equal if equal chains have equal bodies."""
     sets = find_equal_bodies(structure.robot)
     reach, size = _confine(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
     told = np.abs(reach).max(1, initial=0.0) > RANK_TOLERANCE * size
     left = np.flatnonzero(told) if sets else np.empty(0, int)
-    moves = []
     while len(left):
         apart = np.abs(reach[left] - reach[left[0]]).max(1)
         equal = apart < RANK_TOLERANCE * size[left[0]]
         names = tuple(structure.base.names[k] for k in left[equal])
         left = left[~equal]
         if len(names) > 1 and {*names} <= {*columns}:
-            moves.append(Move(Kind.TIE, tie=(names,), why="Their chains have equal joints"))
-    return moves
+            yield Move(Kind.TIE, tie=(names,), why="Their chains have equal joints")
 
 
 def _columns(structure: Structure, body: int) -> np.ndarray | None:
