@@ -5,7 +5,7 @@ Does the likelihood decide, or the density that the prior happens to have at the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -168,7 +168,7 @@ def diagnose_convergence(
     tau = autocorrelation_time(chains)
     labels = tuple(names) or tuple(f"parameter {j}" for j in range(p))
     found = Convergence(rhat, bulk, tail, tau, ())
-    reasons = _reasons(found, N, labels, limits)
+    reasons = tuple(_reasons(found, N, labels, limits))
     stopped = (posterior.stopped,) if posterior.stopped and reasons else ()
     return replace(found, reasons=(*stopped, *reasons))
 
@@ -205,28 +205,28 @@ def autocorrelation_time(chains: Array) -> Array:
     return integrate_correlation(covariance / variance)
 
 
-def _reasons(found: Convergence, draws: int, names: Sequence[str], limits: Thresholds) -> Strings:
-    reasons = []
+def _reasons(
+    found: Convergence, draws: int, names: Sequence[str], limits: Thresholds
+) -> Iterator[str]:
     worst = int(np.argmax(np.nan_to_num(found.rhat, nan=np.inf)))
     rhat = found.rhat[worst]
     if np.isposinf(rhat):
-        reasons.append(f"The chains of {names[worst]} never moved.")
+        yield f"The chains of {names[worst]} never moved."
     elif not rhat <= limits.rhat:
-        reasons.append(
+        yield (
             f"The ensembles disagree: nested R-hat of {names[worst]} is {rhat:.3f} "
             f"(at most {limits.rhat:g}); sample longer."
         )
     for ess, where in ((found.ess_bulk, "bulk"), (found.ess_tail, "tail")):
         j = int(np.argmin(np.nan_to_num(ess, nan=0.0)))
         if not ess[j] >= limits.ess:
-            reasons.append(
+            yield (
                 f"Too few effective draws: {ess[j]:.0f} in the {where} of {names[j]} "
                 f"(at least {limits.ess:g}); sample longer."
             )
     j = int(np.argmax(found.tau))
     if draws < limits.lengths * found.tau[j]:
-        reasons.append(
+        yield (
             f"The chains are short: {draws} draws are {draws / found.tau[j]:.0f} autocorrelation "
             f"times of {names[j]} (at least {limits.lengths:g}); sample longer."
         )
-    return tuple(reasons)

@@ -515,7 +515,7 @@ def _predict_along(fit: Fit, case: Case, run: Run, samples: Samples = ()) -> Tor
     """
     recordings = case.recordings(run)
     samples = samples or case.samples(case.robot, run)
-    samples = _place_in_session(fit, recordings.began, samples)
+    samples = tuple(_place_in_session(fit, recordings.began, samples))
     logs = (*recordings.fitted, *recordings.held_out)[: len(samples)]
     measured = tuple(not log.motion_alone for log in logs)
     structure = fit.structure
@@ -558,8 +558,10 @@ def _common_motors(robot: Robot, logs: Sequence[Log]) -> Strings:
     return gear.motors if have_motors and {*gear.motors}.isdisjoint(robot.joints) else ()
 
 
-def _place_in_session(fit: Fit, began: float | None, samples: Sequence[Dataset]) -> Samples:
-    """Return new logs with their start in the session of the fitted logs; unknown without clocks.
+def _place_in_session(
+    fit: Fit, began: float | None, samples: Sequence[Dataset]
+) -> Iterator[Dataset]:
+    """Yield new logs with their start in the session of the fitted logs; unknown without clocks.
 
     Parameters
     ----------
@@ -571,11 +573,9 @@ def _place_in_session(fit: Fit, began: float | None, samples: Sequence[Dataset])
     """
     known = fit.began is not None and began is not None
     later = (began or 0.0) - (fit.began or 0.0)
-    placed = []
     for sample in samples:
         start = (sample.motion.start or 0.0) + later if known else None
-        placed.append(replace(sample, motion=replace(sample.motion, start=start)))
-    return tuple(placed)
+        yield replace(sample, motion=replace(sample.motion, start=start))
 
 
 def _state_session(fit: Fit, samples: Sequence[Dataset]) -> tuple[Finding, ...]:

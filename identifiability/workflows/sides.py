@@ -6,7 +6,7 @@ model. `find_loads` returns the loads that only held-out logs have, and `report_
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -279,8 +279,8 @@ def _torque_of_loads(found: Differences, terms: Terms) -> Array:
 
 def report_loads(
     data: Data, submodel: Submodel, error: float, unseen: Prediction
-) -> tuple[Finding, ...]:
-    """Return findings on loads that only the held-out logs of the user carry.
+) -> Iterator[Finding]:
+    """Yield findings on loads that only the held-out logs of the user carry.
 
     A held-out log must err much more than the fitted logs: most of its squared error is new. Only
     then are logs compared.
@@ -298,11 +298,10 @@ def report_loads(
     recordings = data.recordings
     names = [sample.name for sample in data.validation]
     if not names or data.misread or recordings.set_aside or recordings.commanded:
-        return ()
+        return
     errors = np.array([unseen.relative_error(log)[-1] for log in range(len(names))])
     if not np.nanmax(errors**2) > 2 * error**2:
-        return ()
-    found = list[Finding]()
+        return
     for change in find_loads(data, submodel):
         k = change.names.index(f"{change.place}.m")
         mass = float(change.sizes[k])
@@ -313,8 +312,7 @@ def report_loads(
         load = measured(abs(mass), sd, "kg")
         more = "more" if mass > 0 else "less"
         logs = [change.log] if change.log else names
-        found.append(Finding("held_out_load", logs=logs, load=load, more=more, **numbers))
-    return tuple(found)
+        yield Finding("held_out_load", logs=logs, load=load, more=more, **numbers)
 
 
 def find_loads(data: Data, submodel: Submodel) -> list[Change]:

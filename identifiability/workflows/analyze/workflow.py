@@ -64,8 +64,8 @@ from .result import Analysis, ModelResult, compare_logs, doubt
 # Further findings: an unsuitable cut-off, and remarks of the fit on its logs.
 
 
-def say_band(band: Band | None, *, names: bool = False) -> tuple[str, ...]:
-    """Return findings on a cut-off: slow sampling, a better cut-off, or noise.
+def say_band(band: Band | None, *, names: bool = False) -> Iterator[Finding]:
+    """Yield findings on a cut-off: slow sampling, a better cut-off, or noise.
 
     Parameters
     ----------
@@ -74,22 +74,20 @@ def say_band(band: Band | None, *, names: bool = False) -> tuple[str, ...]:
         Whether effects are named, which a band that is too wide makes unreliable.
     """
     if band is None:
-        return ()
-    said = list[Finding]()
+        return
     advice = band.advice
     if advice is None and band.sampled_slowly:
         rate = 2.0 * band.bandwidth / LOG_RULES.cutoff_highest
         reach = {"cutoff": band.cutoff, "bandwidth": band.bandwidth}
-        said.append(Finding("cutoff_low", rate=rate, **reach))
+        yield Finding("cutoff_low", rate=rate, **reach)
     if advice is not None and advice.given > (1.0 + LEVELS.rise) * advice.error:
         errors = {"given": advice.given, "error": advice.error}
-        said.append(Finding("cutoff_set", cutoff=band.cutoff, better=advice.cutoff, **errors))
+        yield Finding("cutoff_set", cutoff=band.cutoff, better=advice.cutoff, **errors)
     # On one period of a motion intervals hold up to three tenths.
     elif band.noise > 0.2:
-        said.append(Finding("cutoff_noisy", cutoff=band.cutoff, share=min(band.noise, 1.0)))
+        yield Finding("cutoff_noisy", cutoff=band.cutoff, share=min(band.noise, 1.0))
     if names and advice is not None and band.outputs > STEP * advice.outputs:
-        said.append(Finding("cutoff_wide", band=band.outputs, better=advice.outputs))
-    return tuple(said)
+        yield Finding("cutoff_wide", band=band.outputs, better=advice.outputs)
 
 
 def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[str]:

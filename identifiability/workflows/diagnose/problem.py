@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -454,20 +454,18 @@ class Discrepancy:
 
 def find_discrepancies(
     rows: ResidualRows, residual: Array, joints: Sequence[str]
-) -> tuple[Discrepancy, ...]:
-    """Return size and dependence of the residual (N, n) of each joint."""
-    out = []
+) -> Iterator[Discrepancy]:
+    """Yield size and dependence of the residual (N, n) of each joint."""
     for j, joint in enumerate(joints):
         data = rows.seen.data[:, j]
         r = residual[data, j]
         if not len(r):
-            out.append(Discrepancy(joint, 0.0, 0.0, {}))
+            yield Discrepancy(joint, 0.0, 0.0, {})
             continue
         explained = {name: explained_share(x[data], r) for name, x in rows.along(j).items()}
         measured = rows.measured[data, j]
         size, whole = (float(rms_of(x)) for x in (r, measured))
-        out.append(Discrepancy(joint, size, size / (whole or 1.0), explained))
-    return tuple(out)
+        yield Discrepancy(joint, size, size / (whole or 1.0), explained)
 
 
 def explained_share(x: Array, r: Array) -> float:

@@ -8,7 +8,7 @@ the fitted logs prefer.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -819,10 +819,10 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         if 0 < len(doubtful) < len(parts):
             return conclude(without_parts(naming, doubtful), rng)
     curves = tuple(_curve(naming, residual, k, p) for own in placed for k, p in own.items())
-    discrepancies = find_discrepancies(naming.fitted, residual, problem.robot.joints)
+    discrepancies = tuple(find_discrepancies(naming.fitted, residual, problem.robot.joints))
     return Diagnosis(
         problem=problem,
-        effects=_list_effects(naming, placed, found.gap, rng),
+        effects=tuple(_list_effects(naming, placed, found.gap, rng)),
         curves=curves,
         refuted=tuple(_odds_of(*x) for x in naming.refuted),
         possible=tuple(_odds_of(*x) for x in naming.possible),
@@ -847,11 +847,10 @@ def _list_effects(
     placed: Sequence[dict[int, Placement]],
     gap: Prediction,
     rng: np.random.Generator,
-) -> tuple[NamedEffect, ...]:
-    """Return the named effects, family by family, with the errors before and after each."""
+) -> Iterator[NamedEffect]:
+    """Yield the named effects, family by family, with the errors before and after each."""
     robot = naming.problem.robot
     errors = gap.relative_error()
-    effects = list[NamedEffect]()
     for at, parts in enumerate(placed):
         own = [naming.parts[k] for k in parts]
         family = own[0].candidate.family
@@ -860,18 +859,15 @@ def _list_effects(
         everywhere = 1 < len(family.places(robot)) == sum(p.sure for p in parts.values())
         placements = tuple(parts.values())
         nearest = tuple(dict.fromkeys(near))
-        effects.append(
-            NamedEffect(
-                name=family.name,
-                placements=placements,
-                before=float(errors[at]),
-                after=after,
-                interval=change_of(gap, at, at + 1, rng),
-                everywhere=everywhere,
-                nearest=nearest,
-            )
+        yield NamedEffect(
+            name=family.name,
+            placements=placements,
+            before=float(errors[at]),
+            after=after,
+            interval=change_of(gap, at, at + 1, rng),
+            everywhere=everywhere,
+            nearest=nearest,
         )
-    return tuple(effects)
 
 
 def _odds_of(term: Term, unseen: float, needed: float = np.nan) -> Odds:
