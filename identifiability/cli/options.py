@@ -748,8 +748,7 @@ class Machine:
                 raise OptionError(Finding("option.map", given=given))
             if rules.setdefault(old, new) != new:
                 raise OptionError(f"--map gives '{old}' two names, {rules[old]} and {new}.")
-        said = self.recorded
-        robot = Robot.load(self.robot, self.sidecar, rules, self.lock, **asdict(said))
+        robot = Robot.load(self.robot, self.sidecar, rules, self.lock, **asdict(self.recorded))
         case = CASE.get()
         if case is None:
             return robot

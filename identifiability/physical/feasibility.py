@@ -196,15 +196,13 @@ def choose_prior(
     PriorChoice or None
         None if no nearest real robot was found.
     """
-    structure = model.structure
-    fit = model.estimate
     try:
         projection = _projection(model, 1.0)
     except ValueError:
         return None
     # a log counts as its independent samples
-    G = structure.G
-    wider = float(np.sqrt(fit.memory))
+    G = model.structure.G
+    wider = float(np.sqrt(model.estimate.memory))
     with one_thread():
         ways = _follow_folds(model, projection, held_out.folds, weights)
         values = list[Array]()

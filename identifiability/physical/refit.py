@@ -24,11 +24,10 @@ def refit_consistent(model: FittedModel, direction: Array, unit: float) -> Refit
     unit : float [torque²]
         Rise of the squared residual that counts as one.
     """
-    structure = model.structure
     held = model.fixed
     data = model.data.beside(*model.left_out)
     rows = np.vstack([held.rows, direction])
-    plain = Projection(model.region, reference=structure.nominal)
+    plain = Projection(model.region, reference=model.structure.nominal)
 
     def refit(value: float) -> tuple[float, Array]:
         fixed = Fixed(rows, np.append(held.value, value))

@@ -506,9 +506,7 @@ class ExactSampler:
 
 def build_sampler(target: Target) -> ExactSampler:
     """Prepare the exact sampler of a posterior."""
-    origin = target.origin
-    matrices = target.region.cone_map
-    entries = matrices[:, UPPER].reshape(-1, target.size)
+    entries = target.region.cone_map[:, UPPER].reshape(-1, target.size)
     m = len(target.region.rows)
     both = np.vstack([target.region.rows, entries])
     # Points that are outside by rounding count as inside: rows and diagonals of matrices have this
@@ -517,7 +515,7 @@ def build_sampler(target: Target) -> ExactSampler:
     room = TINY * np.abs(both) @ target.prior.sd
     room[m:] *= np.tile(UPPER % 5 == 0, len(entries) // 10)
     room[:m] -= target.region.least
-    region = Cone(both @ target.basis, both @ origin + room, m)
+    region = Cone(both @ target.basis, both @ target.origin + room, m)
     model = target.diagonal
     best = np.divide(model.signal, model.gain, out=0 * model.gain, where=model.gain > 0)
     _, sd = model.conditional(model.typical_variance(best[None]))

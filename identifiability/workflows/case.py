@@ -244,8 +244,7 @@ class Data(OfStructure):
     @cached_property
     def measured(self) -> MeasuredLogs:
         """The fitted logs in the form that data-quality checks take."""
-        logs = self.recordings.fitted
-        return MeasuredLogs(self.structure, logs, self.samples, self.regression)
+        return MeasuredLogs(self.structure, self.recordings.fitted, self.samples, self.regression)
 
     @property
     def band(self) -> Any:
@@ -554,8 +553,9 @@ class Case:
         """
         if motion.recordings.commanded:
             return motion.how
-        logs = motion.recordings.fitted
-        widest = self.stages.once(choose_cutoff, self.robot, logs, self.preparation)
+        widest = self.stages.once(
+            choose_cutoff, self.robot, motion.recordings.fitted, self.preparation
+        )
         same_band = widest.cutoff == motion.how.cutoff
         same_motion = widest.derivatives == motion.how.derivatives
         if same_motion and not same_band:
@@ -614,8 +614,9 @@ class Case:
 
         A log that cannot have this cut-off gets its own band.
         """
-        logs = recordings.fitted
-        return self.stages.once(prepare_logs, robot, (), logs, how, None, None, run=run).held_out
+        return self.stages.once(
+            prepare_logs, robot, (), recordings.fitted, how, None, None, run=run
+        ).held_out
 
     def at_fit(self, data: Data, run: Run, *, named: bool = False) -> Data:
         """Return data with load-dependent columns taken at the fitted robot."""

@@ -268,9 +268,7 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
 
 def _describe_use(robot: Robot, log: Log, prepared: Dataset) -> dict[str, Array]:
     """Return how fast each joint moves as prepared, and the servos of a log of commands."""
-    low = prepared.survey.low
-    high = prepared.survey.high
-    _, speed, acceleration = np.maximum(np.abs(low), np.abs(high))
+    _, speed, acceleration = np.maximum(np.abs(prepared.survey.low), np.abs(prepared.survey.high))
     found = {"speed": speed, "acceleration": acceleration}
     if of_commands(log) and (servo := robot.servo) is not None:
         found |= {"kp": servo.kp, "kv": servo.kv, "limit": servo.high}

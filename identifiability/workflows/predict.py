@@ -656,8 +656,9 @@ def state_reading(
     carried = fit.reading
     if carried is None:
         return
-    what = carried.reading.description
-    yield Finding("carried_reading", text=phrase("carried_reading", part, what=what))
+    yield Finding(
+        "carried_reading", text=phrase("carried_reading", part, what=carried.reading.description)
+    )
     literal = case.with_(reading=None)
     named = literal.samples(carried.structure.robot, run)
     logs = case.recordings(run)
@@ -679,8 +680,7 @@ def check_reading(fit: Fit, logs: Logs) -> tuple[Finding, ...]:
     if fit.reading is None:
         return ()
     run = Run()
-    how = fit.preparation
-    case = Case(fit.robot, logs, preparation=how, reading=fit.reading, use=MEASURED)
+    case = Case(fit.robot, logs, preparation=fit.preparation, reading=fit.reading, use=MEASURED)
     return tuple(state_reading(fit, case, case.samples(case.robot, run), run))
 
 

@@ -399,9 +399,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         joints = self.robot.joints
         if servo is None or rolled is None:
             return {}
-        late = rolled.delay_errors
         count = len(rolled.delays)
-        told = {"delay": (rolled.delays.mean(), np.linalg.norm(late) / count)}
+        told = {"delay": (rolled.delays.mean(), np.linalg.norm(rolled.delay_errors) / count)}
         ki, kv, kp = np.linalg.norm(np.reshape(servo.doubt, (-1, 3, len(joints))), axis=0)
         gains = {
             "ki": (servo.integral, ki),
@@ -454,8 +453,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         real = self.real_robot
         if self.nothing:
             return ""
-        missing = self.missing.statement
-        return state_mass(self.robot, real["parameters"], real["cad_prior"], missing)
+        return state_mass(self.robot, real["parameters"], real["cad_prior"], self.missing.statement)
 
     @property
     def left_out(self) -> dict[str, float]:
@@ -623,7 +621,6 @@ class Analysis(Laddered[ModelResult]):
     def to_dict(self) -> Json:
         """Return the result in the documented JSON schema."""
         base = self.base
-        chosen = self.chosen
         groupings = name_each(base.names, base.labels)
         structure = {
             "parameters": len(base.parameters),
@@ -635,7 +632,7 @@ class Analysis(Laddered[ModelResult]):
         }
         profiles = [p.to_dict() for p in self.profiles]
         return super().to_dict() | {
-            "posterior": belief_dict(chosen.submodel.columns, self.belief),
+            "posterior": belief_dict(self.chosen.submodel.columns, self.belief),
             "structure": structure,
             "file": self.file_frame().to_dict("records"),
             "profiles": profiles,
@@ -707,8 +704,8 @@ def stated_values(analysis: Laddered[Any], result: ModelResult) -> list[float | 
     combinations of the file's values. Zero friction and zero rotor inertia count as not stated, and
     so do combinations with them.
     """
-    nominal = analysis.robot.nominal
     base = analysis.base
+    nominal = analysis.robot.nominal
     known = {n for n, x in nominal.items() if x or n.rpartition(".")[2] in INERTIAL_KINDS}
     terms = map(base.terms, range(len(base)))
     lacks = np.array([any(p.name not in known for _, p in own) for own in terms])

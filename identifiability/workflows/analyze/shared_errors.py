@@ -82,8 +82,8 @@ def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
 def _has_loud_motion(data: Data) -> bool:
     """Return whether the motion has more than little noise; that of a base always has."""
     band = data.band
-    how = data.preparation
     derived = band is not None and band.noise > LOG_RULES.small
+    how = data.preparation
     return data.robot.base is not None or derived or how.derivatives in KINDS or _is_noisy(data)
 
 

@@ -113,9 +113,8 @@ def _add_candidates(
 
 def _list_laws(missing: Missing, own: Candidate) -> Iterator[list[Candidate]]:
     """Yield the effect with every speed of its grid, for every exponent."""
-    robot = missing.seen.robot
     motions = [piece.sparse.motion for piece in missing.seen.pieces]
-    speeds = own.family.grid(measure_spans(robot, motions)[own.place])
+    speeds = own.family.grid(measure_spans(missing.seen.robot, motions)[own.place])
     for exponent in own.effect.exponents:
         effect = own.family.at((speeds[0], exponent), own.place)
         law = replace(own, effect=effect)

@@ -204,10 +204,9 @@ def know_nothing(structure: Structure) -> KnownValues:
     if random:
         sd = np.array([random.get(name, np.inf) for name in structure.columns])
         open_ = np.isinf(sd)
-        G = structure.G
         covariance = np.diag(np.where(open_, 0.0, sd) ** 2)
         directions = np.eye(len(sd))[:, open_]
-        own = Known.of(np.zeros(b), G, covariance, directions)
+        own = Known.of(np.zeros(b), structure.G, covariance, directions)
         at = own.directions.any(0)
         own = replace(own, directions=own.directions[:, at], precision=own.precision[at])
     return KnownValues(**vars(own), words="the refitted model")

@@ -563,8 +563,7 @@ def name_effects(
     if not problem.fixed:
         hint, outliers = _find_outliers(problem, found)
         if outliers is not None:
-            joints = problem.robot.joints
-            where = where_outlying(joints, problem.samples, outliers)
+            where = where_outlying(problem.robot.joints, problem.samples, outliers)
             hint = (
                 hint or f"{where} The search left these rows out. Check the robot and the log then."
             )
@@ -942,15 +941,13 @@ def _law(naming: Naming, k: int, j: int) -> Array:
 def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     """Return the learned law of a part along the fitted motion."""
     c = naming.parts[k].candidate
-    rows = naming.fitted
-    robot = naming.problem.robot
     columns = {j: naming.columns([k], j) for j in naming.acts(k)}
     sizes = {j: np.abs(own @ placed.values).sum() for j, own in columns.items()}
     j = max(sizes, key=sizes.__getitem__)
-    of = c.effect.drawn_over(robot, j)
+    of = c.effect.drawn_over(naming.problem.robot, j)
     added = columns[j] @ placed.values
     law = _law(naming, k, j)
-    x = rows.along(of)[c.family.against]
+    x = naming.fitted.along(of)[c.family.against]
     variance = law**2 @ placed.errors**2
     data = left[:, j] + added
     return Curve(

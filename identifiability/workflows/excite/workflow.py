@@ -273,9 +273,8 @@ def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Wor
         if space.kept(objective.limits.closure_bound)[0] and gap >= CLEARANCE:
             return x, space, gap
     robot = objective.question.structure.robot
-    limits = objective.limits
     place = {"robot": robot.name, "home": robot.describe_home()}
-    bounds = {"bound": limits.closure_bound, "gap": 1000 * CLEARANCE}
+    bounds = {"bound": objective.limits.closure_bound, "gap": 1000 * CLEARANCE}
     raise ClosureError(Finding("excite.none", **place, **bounds))
 
 

@@ -400,9 +400,8 @@ class Question:
         if step.move is not None:
             name = f"{size} parameter{'' if size == 1 else 's'}"
             submodel = step.partition.submodel(submodel, name)
-        structure = self.rows.data.structure
         return FittedModel.of(
-            structure,
+            self.rows.data.structure,
             submodel,
             self.rows.information,
             self.estimator,
@@ -497,8 +496,7 @@ def measure_models(
     nothing = data.misread or (result.contradicted if better else WORSE)
     models = [pruned.withdraw(nothing) for pruned in models] if nothing else models
     account = int(result.physical_used)
-    folds = search.whitened.folds
-    everywhere = predict_everywhere(data, chosen, account, folds)
+    everywhere = predict_everywhere(data, chosen, account, search.whitened.folds)
     return {
         "models": tuple(models),
         "everywhere": everywhere,
