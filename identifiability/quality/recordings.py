@@ -189,10 +189,8 @@ def read_recordings(
         raise LogError(Finding("logs.none"))
     named = _with_short_names([*train, *held_out])
     n = len(train)
-    train = named[:n]
-    held_out = named[n:]
-    check_held_out(train, held_out)
-    clocked = share_clock([*train, *held_out])
+    check_held_out(named[:n], named[n:])
+    clocked = share_clock(named)
     raw = RawLogs(tuple(clocked[:n]), tuple(clocked[n:]), how, torque if learns else None)
     mended = mend(raw)
     every = (*mended.fitted, *mended.held_out)
@@ -200,8 +198,8 @@ def read_recordings(
     if alone and not commands:
         raise LogError(Finding("logs.commands", names=alone, first=alone[0]))
     if learns:
-        refuse_silent(train)
-    conversions = _list_conversions([*train, *held_out])
+        refuse_silent(named[:n])
+    conversions = _list_conversions(named)
     hints = (*conversions, *mended.hints)
     began = None if clocked[0].start is None else (named[0].start or 0.0) - clocked[0].start
     return Recordings(mended.fitted, mended.held_out, hints, began=began)

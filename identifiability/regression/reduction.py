@@ -137,7 +137,7 @@ class LadderSource:
     origin: str
     sha256: str
 
-    def models_for(self, *, commanded: bool) -> LadderEntry:
+    def models_for(self, commanded: bool) -> LadderEntry:
         """Return the models to compare: of commanded robots a default one has torque offsets.
 
         Zeros of commands and encoders differ by milliradians, and a servo makes torque of that; a
@@ -150,7 +150,7 @@ class LadderSource:
 
 
 def find_ladder(
-    robot: Robot, ladder: LadderEntry | HasLadder | str | Path | None, *, beside: bool
+    robot: Robot, ladder: LadderEntry | HasLadder | str | Path | None, beside: bool
 ) -> LadderSource:
     """Return the ladder that is meant.
 

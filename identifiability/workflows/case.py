@@ -65,7 +65,6 @@ from identifiability.reading.rules import RULES
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
     DEFAULT_EFFECTS,
-    LadderEntry,
     LadderLike,
     LadderSource,
     find_ladder,
@@ -449,7 +448,7 @@ class Case:
             Whether the default is the ladder in the folder of the robot file.
         """
         chosen = self.model if ladder is None else ladder
-        return self.stages.once(look_up_ladder, self.robot, chosen, beside)
+        return self.stages.once(find_ladder, self.robot, chosen, beside)
 
     # Stages of a model.
 
@@ -725,16 +724,6 @@ def take_case(
 
 
 # The stages: plain functions of the results of earlier stages.
-
-
-def look_up_ladder(robot: Robot, ladder: LadderLike | None, beside: bool) -> LadderSource:
-    """Return the requested ladder, and its source."""
-    return find_ladder(robot, ladder, beside=beside)
-
-
-def comparable_entry(source: LadderSource, commanded: bool) -> LadderEntry:
-    """Return the models of a ladder to compare."""
-    return source.models_for(commanded=commanded)
 
 
 def find_gains(

@@ -52,7 +52,7 @@ from identifiability.regression.reduction import (
     ladder_model,
 )
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.case import Case, Data, WeightedRows, comparable_entry, take_case
+from identifiability.workflows.case import Case, Data, WeightedRows, take_case
 from identifiability.workflows.sides import report_loads
 
 from .belief import Belief, form_belief, refine_verdicts
@@ -366,7 +366,7 @@ def prepare_ladder(
     """
     given = case.structure(case.known_robot(run), ladder_model(source.entry))
     data = case.data(given, run, "analyzed")
-    entry = case.stages.once(comparable_entry, source, data.recordings.commanded)
+    entry = case.stages.once(LadderSource.models_for, source, data.recordings.commanded)
     rows = case.weigh(data, method, kind, run, complete=complete)
     try:
         return rows, case.stages.once(build_comparison, entry, rows.data.structure)

@@ -44,10 +44,12 @@ from identifiability.regression.information import Information, gather_informati
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
     LadderEntry,
+    LadderSource,
     ModelLike,
     Submodel,
     build_comparison,
     choose_model,
+    find_ladder,
     free_again,
     full_model,
     ladder_model,
@@ -57,7 +59,7 @@ from identifiability.robot import Robot, RobotLike, complete_motion
 from identifiability.workflows.analyze.judge import assess_ladder, select_model
 from identifiability.workflows.analyze.ladder import compute_ladder
 from identifiability.workflows.analyze.workflow import SERVOS, say_band
-from identifiability.workflows.case import Case, Data, comparable_entry, look_up_ladder, take_case
+from identifiability.workflows.case import Case, Data, take_case
 from identifiability.workflows.changes import Change
 from identifiability.workflows.predict import state_reading
 from identifiability.workflows.provenance import state_provenance
@@ -340,7 +342,7 @@ def pose_problem(
     if commanded:
         torque, structure = case.torque(structure, run)
         recordings = recordings or torque
-    ladder = case.stages.once(look_up_ladder, case.robot, None, True)
+    ladder = case.stages.once(find_ladder, case.robot, None, True)
     pilot = None
     if not (request.keeps or commanded or request.model is not None):
         pilot = case.structure(robot, ladder_model(ladder.entry))
@@ -350,7 +352,7 @@ def pose_problem(
         return problem, data
     entry = None
     if request.model is None:
-        entry = case.stages.once(comparable_entry, ladder, commanded)
+        entry = case.stages.once(LadderSource.models_for, ladder, commanded)
     return recommend(case, problem, data, reference, entry, run), data
 
 

@@ -590,15 +590,14 @@ def find_path(
     """
     full = estimate(information, method)
     measured = whiten_regression(information, full, variation)
-    usable = []
-    for move in suggested:
-        zero = tuple(c for c in move.zero if c not in forbid)
-        usable.append(replace(move, zero=zero))
+    usable = tuple(
+        replace(move, zero=tuple(c for c in move.zero if c not in forbid)) for move in suggested
+    )
     asked = phrase("pruned", "asked")
     pairs = tuple(m for m in usable if m.kind is Kind.MERGE)
     forced = tuple(Move(Kind.FORCED, (c,), why=asked) for c in force)
     plan = Plan(
-        suggested=tuple(usable),
+        suggested=usable,
         pairs=pairs,
         forced=forced,
         kept=frozenset(forbid),
