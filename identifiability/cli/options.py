@@ -26,7 +26,6 @@ from typing import (
     TYPE_CHECKING,
     Annotated,
     Any,
-    ClassVar,
     Literal,
     Union,
     get_args,
@@ -712,7 +711,7 @@ Point = Annotated[str, Option(metavar="X,Y,Z"), Parsed(split_point)]
 class Recorded:
     """How logs of the robot were recorded; the sidecar has other names for these keys."""
 
-    table: ClassVar[str] = ""
+    table = ""
 
     base: Root | None = None
     time_unit: TimeUnit | None = None
@@ -759,7 +758,7 @@ class Machine:
 class Derived:
     """How logs become motion."""
 
-    table: ClassVar[str] = "preparation"
+    table = "preparation"
 
     derivatives: Derivatives = "auto"
     cutoff: Positive | None = None
@@ -778,10 +777,10 @@ class Derived:
 class Place:
     """The engine for long computations."""
 
-    table: ClassVar[str] = "run"
+    table = "run"
 
     #: A cluster sends objects that may run code, so no sidecar names it.
-    typed: ClassVar[tuple[str, ...]] = ("scheduler",)
+    typed = ("scheduler",)
 
     workers: Count | None = None
     scheduler: str | None = None
@@ -824,7 +823,7 @@ def alone() -> Iterator[tuple[Progress, dict[str, Any], None]]:
 class Fitted:
     """How parameters are estimated."""
 
-    table: ClassVar[str] = "fit"
+    table = "fit"
 
     method: str = "wls"
     estimator: EstimatorKind = "auto"

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Exit, Option, echo
 
@@ -495,7 +495,7 @@ def simulate(
 class Searched:
     """The set of motions for the search."""
 
-    table: ClassVar[str] = ""
+    table = ""
 
     harmonics: kinds.Harmonics = DEFAULTS.harmonics
     samples: int = DEFAULTS.samples
@@ -506,7 +506,7 @@ class Searched:
 class Played:
     """How a motion is written for a controller."""
 
-    table: ClassVar[str] = ""
+    table = ""
 
     periods: Annotated[int, kinds.counted(1, 10_000)] = 1
 

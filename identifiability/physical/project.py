@@ -161,8 +161,7 @@ class Projection:
     def nominal_bodies(self) -> Array:
         """Scaled parameters of the bodies that `nominal` makes the identity, (nb, 10)."""
         own = np.take_along_axis(self.nominal, self.region.bodies[:, None, :], axis=2)
-        found: Array = np.linalg.pinv(own) @ np.eye(4).ravel()
-        return found
+        return np.linalg.pinv(own) @ np.eye(4).ravel()
 
     @property
     def held(self) -> Fixed:

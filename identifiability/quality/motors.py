@@ -87,8 +87,7 @@ def _square_residuals(logs: MeasuredLogs, to_joints: Array, torques: Sequence[Ar
     columns = np.einsum("tjp,jm->tmp", regressor[:, _are_driven(logs)], to_motors)
     each = np.column_stack([(torque / unit).ravel() for torque in torques])
     left = without(each, columns.reshape(len(each), -1))
-    squares: Array = np.sum(left**2, axis=0)
-    return squares
+    return np.sum(left**2, axis=0)
 
 
 def _list_changes(torque: Array) -> list[Misread]:

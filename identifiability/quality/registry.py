@@ -28,7 +28,7 @@ from identifiability.robot import Motion, Robot
 Find: TypeAlias = Callable[..., Any]
 
 #: A log after a correction, with its findings.
-Mended: TypeAlias = tuple[Log, list[Finding]]
+Mended = tuple[Log, list[Finding]]
 
 F = TypeVar("F", bound=Find)
 

@@ -794,10 +794,7 @@ def follow(
     from identifiability.servos import follow_commands  # noqa: PLC0415 - MuJoCo
 
     rng = np.random.default_rng(seed).spawn(1)[0]
-    found: tuple[Recordings, Structure] = follow_commands(
-        recordings, structure, how, rng, say, first
-    )
-    return found
+    return follow_commands(recordings, structure, how, rng, say, first)
 
 
 def use_series(

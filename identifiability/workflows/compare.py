@@ -7,7 +7,6 @@ logs only. Effects that all logs may lack are groups, too.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
 
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError
@@ -95,7 +94,7 @@ class Comparison(OfStructure, Result):
         Whether the logs before are enough for `diagnose`, which verifies on a part of them.
     """
 
-    schema: ClassVar[str] = "identifiability/comparison/1"
+    schema = "identifiability/comparison/1"
 
     structure: Structure
     submodel: Submodel

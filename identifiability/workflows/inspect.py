@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -342,7 +342,7 @@ class Inspection(OfStructure, Result):
         Requested preparation of the logs.
     """
 
-    schema: ClassVar[str] = "identifiability/inspection/1"
+    schema = "identifiability/inspection/1"
 
     structure: Structure
     joints: tuple[JointFact, ...]

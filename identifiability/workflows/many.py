@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Literal, get_type_hints
+from typing import Any, Literal, get_type_hints
 
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
@@ -182,7 +182,7 @@ class Fleet(Result):
         and the reason if there is no answer (``failed``).
     """
 
-    schema: ClassVar[str] = "identifiability/fleet/1"
+    schema = "identifiability/fleet/1"
 
     verb: str
     folder: Path

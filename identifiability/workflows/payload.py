@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
-from typing import Any, ClassVar, cast
+from typing import Any, cast
 
 import numpy as np
 import scipy
@@ -467,7 +467,7 @@ class Load(Result):
         The result without the load; None where a load is known.
     """
 
-    schema: ClassVar[str] = "identifiability/payload/1"
+    schema = "identifiability/payload/1"
 
     robot: Robot
     body: str

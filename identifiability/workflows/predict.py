@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeAlias, cast
+from typing import Annotated, Any, TypeAlias, cast
 
 import numpy as np
 import pandas as pd
@@ -142,7 +142,7 @@ class TorquePrediction(Result):
         Motors of the logs, where all have motors and these are as many as the joints.
     """
 
-    schema: ClassVar[str] = "identifiability/prediction/1"
+    schema = "identifiability/prediction/1"
 
     fit: Fit
     logs: Strings
@@ -703,8 +703,8 @@ def _predict_rows(fit: Fit, chunk: Chunk, measured: bool) -> dict[str, np.ndarra
 
 
 #: Rows of numbers, and errors by the format of a file.
-Table: TypeAlias = list[list[float]]
-Errors: TypeAlias = dict[str, float | None]
+Table = list[list[float]]
+Errors = dict[str, float | None]
 
 
 class FitEntry(Entry):
@@ -1161,7 +1161,7 @@ class PositionPrediction(Result):
         Joints that no command moves in any fitted log.
     """
 
-    schema: ClassVar[str] = "identifiability/rollout/1"
+    schema = "identifiability/rollout/1"
 
     robot: Robot
     logs: tuple[Log, ...]
@@ -1225,8 +1225,7 @@ class PositionPrediction(Result):
         log = self.logs[0]
         off = (log.q - run.q[0] for run in self.runs)
         each = [noise_level(x, log.t) for x in (log.q, *off)]
-        found: Array = np.nanmin(each, axis=0)
-        return found
+        return np.nanmin(each, axis=0)
 
     @property
     def follows(self) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -612,7 +612,7 @@ class Analysis(Laddered[ModelResult]):
         Curves of the requested numbers, then of the stated shapes and delays.
     """
 
-    schema: ClassVar[str] = "identifiability/analysis/1"
+    schema = "identifiability/analysis/1"
 
     belief: Belief | None = None
     alternative: Reading | None = None

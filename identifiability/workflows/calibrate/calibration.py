@@ -9,7 +9,7 @@ the errors of the log.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -68,7 +68,7 @@ class Calibration(Result):
         Versions, seeds, options and hashes of the analysis and of this calibration.
     """
 
-    schema: ClassVar[str] = "identifiability/calibration/1"
+    schema = "identifiability/calibration/1"
 
     analysis: Analysis
     model: str

@@ -143,5 +143,4 @@ def _refine(values: Array) -> Array:
 
     last = values.shape[1] - 1
     spline = CubicSpline(np.arange(last + 1), values, axis=1)
-    fine: Array = spline(np.linspace(0, last, 100 * last + 1))
-    return fine
+    return spline(np.linspace(0, last, 100 * last + 1))

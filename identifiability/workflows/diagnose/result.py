@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -297,7 +297,7 @@ class Diagnosis(Result, Predicts):
         When the session of the logs began, on the clock of their files; None if they share none.
     """
 
-    schema: ClassVar[str] = "identifiability/diagnosis/1"
+    schema = "identifiability/diagnosis/1"
 
     problem: Problem
     effects: tuple[NamedEffect, ...]

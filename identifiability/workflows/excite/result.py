@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -154,7 +153,7 @@ class Excitation(Result):
         Versions, seed, options, and hashes of the inputs.
     """
 
-    schema: ClassVar[str] = "identifiability/excitation/1"
+    schema = "identifiability/excitation/1"
 
     robot: Robot
     trajectory: Trajectory

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from textwrap import shorten
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from identifiability.robot.servo import list_gains
 from identifiability.workflows.predict import WORDS
 
 #: Parameters of a result, as its JSON holds them.
-Rows: TypeAlias = Sequence[Mapping[str, Any]]
+Rows = Sequence[Mapping[str, Any]]
 
 
 def describe_joints(

@@ -109,8 +109,7 @@ class Partition:
     def leaders(self) -> list[int]:
         """The free columns, one of each set of equal ones."""
         own = np.arange(len(self.columns))
-        free: list[int] = own[self.group == own].tolist()
-        return free
+        return own[self.group == own].tolist()
 
     def __len__(self) -> int:
         """Return the number of free parameters."""

@@ -1,7 +1,6 @@
 """`Ladder`: the models from the unpruned model down, which one to use, and why."""
 
 from pathlib import Path
-from typing import ClassVar
 
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import percent_of
@@ -120,7 +119,7 @@ class Ladder(Laddered[PrunedModel]):
         Where the model that pruning started from came from.
     """
 
-    schema: ClassVar[str] = "identifiability/pruning/1"
+    schema = "identifiability/pruning/1"
 
     start: Submodel
     least: int

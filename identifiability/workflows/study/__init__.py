@@ -85,8 +85,7 @@ class Study:
     @property
     def next_line(self) -> str:
         """The first command to type."""
-        line: str = present(self, "next_line")
-        return line
+        return present(self, "next_line")
 
     @property
     @presented
