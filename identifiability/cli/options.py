@@ -145,14 +145,11 @@ class Records:
     results: bool = False
 
 
-@dataclass(frozen=True)
 class Writes:
     """Marks an option as a file that is written, with its endings; without any, as a folder."""
 
-    endings: tuple[str, ...]
-
     def __init__(self, *endings: str) -> None:
-        object.__setattr__(self, "endings", endings)
+        self.endings = endings
 
     def check(self, value: Any) -> None:
         """Refuse a name that ends as if it were of another format.
@@ -199,7 +196,7 @@ class Field:
         said = helps()["options"]
         of_verb = said.get(verb, {}).get(self.name)
         told = [of_verb or said["all"].get(self.name, "")]
-        told += [f"({r.words})" for r in self._ranges()]
+        told += [f"({r.words})" for r in self.marks(Expected)]
         return " ".join(told)
 
     @property
@@ -251,16 +248,11 @@ class Field:
         """
         if typed is None:
             return self.default
-        for rule in self._ranges():
+        for rule in self.marks(Expected):
             check_option(self.spelling, typed, Annotated[self.kind, rule])
         for mark in self.marks(Parsed):
             typed = mark.read(self.spelling, typed)
         return typed
-
-    def _ranges(self) -> list[Expected]:
-        if self.kind in (int, float):
-            return self.marks(Expected)
-        return []
 
 
 def _take_apart(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
@@ -306,31 +298,30 @@ def _flattened(
     function: Callable[..., None],
 ) -> tuple[Callable[..., None], dict[str, Field], dict[str, Field]]:
     """Return a function as typer reads it, its settings, and its options with those of groups."""
-    own = {field.name: field for field in options_of(function)}
+    own = options_of(function)
     settings: dict[str, Field] = {}
     options: dict[str, Field] = {}
-    owners: dict[str, Any] = {}  # the last of two of one name stays
+    tables: dict[str, str] = {}
 
-    def add(fields: Iterable[Field], owner: Any) -> None:
+    def add(fields: Iterable[Field], table: str | None) -> None:
         for field in fields:
             if is_dataclass(field.kind):
-                add(options_of(field.kind), field.kind)
+                add(options_of(field.kind), getattr(field.kind, "table", None))
+            elif table is None:
+                options[field.name] = field
             else:
-                owners[field.name] = owner
-                setting = hasattr(owner, "table")
-                options[SET.name if setting else field.name] = SET if setting else field
-                settings.update({field.name: field} if setting else {})
+                options[SET.name] = SET
+                settings[field.name] = field
+                tables[field.name] = table
 
-    def build(field: Field, read: Mapping[str, Any], owner: Any) -> Any:
+    def build(field: Field, read: Mapping[str, Any]) -> Any:
         kind = field.kind
         if not is_dataclass(kind):
             return read[field.name]
-        parts = [f for f in options_of(kind) if is_dataclass(f.kind) or owners[f.name] is kind]
-        known = [f for f in parts if is_dataclass(f.kind) or f.name in read]
-        return kind(**{f.name: build(f, read, kind) for f in known})  # type: ignore[operator]
+        known = [f for f in options_of(kind) if is_dataclass(f.kind) or f.name in read]
+        return kind(**{f.name: build(f, read) for f in known})  # type: ignore[operator]
 
-    add(own.values(), None)
-    tables = {key: owners[key].table for key in settings}
+    add(own, None)
 
     def called(**typed: Any) -> None:
         with sentences():
@@ -340,7 +331,7 @@ def _flattened(
             _look(function.__name__, typed, options)
             read = {name: option.read(typed[name]) for name, option in options.items()}
             read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
-            given = {name: build(field, read, None) for name, field in own.items()}
+            given = {field.name: build(field, read) for field in own}
             from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
 
             for path in _recordings(typed, options)[0]:
@@ -590,9 +581,8 @@ def _read_settings(
         found[key] = _as_kind(settings[key].kind, value)
     for key, value in found.items():
         kind = settings[key].kind
-        notes = settings[key].marks(Expected)
         whole: Any = kind
-        for note in notes:
+        for note in settings[key].marks(Expected):
             whole = Annotated[whole, note]
         check_option(key, value, str if kind is Path else whole)
         if kind is Path:
