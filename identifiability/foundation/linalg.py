@@ -44,6 +44,16 @@ def rms_of(x: Array, axis: int | None = None) -> Any:
     return np.sqrt(np.mean(x**2, axis=axis))
 
 
+def root_diagonal(A: Array) -> Array:
+    """Return standard deviations of a covariance, or lengths of the columns behind AᵀA."""
+    return np.sqrt(np.diag(A))
+
+
+def solve_least(A: Array, target: Array, rcond: float | None = None) -> Array:
+    """Return the shortest x of least squares, without directions below a relative size."""
+    return np.linalg.lstsq(A, target, rcond)[0]
+
+
 def few_at_once(count: int, nbytes: int) -> Iterator[slice]:
     """Yield slices of many matrices of `nbytes` bytes, to process within the limit of memory."""
     size = max(1, MOST_BYTES // max(nbytes, 1))

@@ -15,7 +15,7 @@ from identifiability.estimation.estimator import clip_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, Folds, HeldOut, Score
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF, or_one
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF, or_one, solve_least
 from identifiability.foundation.names import GROUPED_KINDS, Array, name_each
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -287,7 +287,7 @@ def scale_bodies(structure: Structure, whole: Information) -> Array:
     others = np.delete(R, [*at, *loaded, *stated], axis=1)
     alike = np.column_stack([R[:, at] @ bodies[at], others])
     of_bodies = rows[:, -1] - R[:, stated] @ structure.nominal[stated]
-    factor = np.linalg.lstsq(alike, of_bodies, rcond=None)[0][0]
+    factor = solve_least(alike, of_bodies)[0]
     if factor > 0 and not 1 / RULES.another_robot < factor < RULES.another_robot:
         bodies = bodies.copy()
         bodies[at] *= factor
@@ -437,7 +437,7 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         G = base_map * scale
         heights = or_one(np.linalg.norm(G, axis=1))
         unit_rows = G / heights[:, None]
-        start = np.linalg.lstsq(unit_rows, beta / heights, rcond=ROUNDOFF)[0]
+        start = solve_least(unit_rows, beta / heights, ROUNDOFF)
         null = null_space(unit_rows, rcond=ROUNDOFF)
         rows = region.scaled_rows
         cones = region.cones
@@ -448,7 +448,7 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         if margin >= -BOUNDARY:
             return Certificate(margin, phi, np.zeros_like(beta), 0.0)
         force = np.einsum("kep,ke->p", cones, Z) + multiplier @ rows
-        combination = np.linalg.lstsq(G.T, force)[0]
+        combination = solve_least(G.T, force)
         value = combination @ beta
         level = multiplier @ region.least
         return Certificate(margin, phi, combination, float(value), float(level))

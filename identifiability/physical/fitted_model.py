@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.foundation.linalg import ROUNDOFF, SPAN_TOLERANCE, or_one
+from identifiability.foundation.linalg import ROUNDOFF, SPAN_TOLERANCE, or_one, root_diagonal
 from identifiability.foundation.names import GROUPED_KINDS, Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.physical import pseudo_inertia
@@ -335,7 +335,7 @@ class LeastSquares:
             Directions that it does not determine.
         """
         C = np.where(np.isfinite(covariance), covariance, 0.0)
-        scale = or_one(np.sqrt(np.diag(C)))
+        scale = or_one(root_diagonal(C))
         hidden = scipy.linalg.orth(unknown / scale[:, None])
         shown = scipy.linalg.null_space(hidden.T) if hidden.size else np.eye(len(C))
         scales = np.outer(scale, scale)

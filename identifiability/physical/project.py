@@ -22,7 +22,7 @@ from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dposv
 
 from identifiability.foundation.engines import one_thread
-from identifiability.foundation.linalg import NEARLY, TINY, find_chains
+from identifiability.foundation.linalg import NEARLY, TINY, find_chains, root_diagonal
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -279,7 +279,7 @@ class Projection:
         for at in self._follow(program, weights, np.sqrt(RIDGE)):
             root = np.zeros_like(program.along)
             for (own, *_), curve in zip(program.chains, at.curves, strict=True):
-                size = 1 / np.sqrt(np.diag(curve))
+                size = 1 / root_diagonal(curve)
                 try:
                     factor = np.linalg.cholesky(size[:, None] * curve * size)
                 except np.linalg.LinAlgError:  # nothing but rounding is known of some of them
@@ -577,7 +577,7 @@ def _follow_chain(
         stiff = np.sqrt(y / slack)[:, None] * sign
         curve = rates.T @ rates + stiff.T @ stiff  # each half the work: A.T @ A
         curve.ravel()[:: z.size + 1] += bend
-        size = 1 / np.sqrt(np.diag(curve))  # each direction in its own
+        size = 1 / root_diagonal(curve)  # each direction in its own
         _, step, failed = dposv(size[:, None] * curve * size, size * force)
         if failed:
             return

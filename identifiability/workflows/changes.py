@@ -26,7 +26,7 @@ from identifiability.estimation.mixed_model import (
     without,
 )
 from identifiability.estimation.rules import RULES, Thresholds
-from identifiability.foundation.linalg import TINY, rms_of
+from identifiability.foundation.linalg import TINY, rms_of, root_diagonal
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.rounding import REACH
@@ -286,7 +286,7 @@ class Change:
     @property
     def sd(self) -> Array:
         """Standard errors of the sizes, (q,)."""
-        return np.sqrt(np.diag(self.covariance))
+        return root_diagonal(self.covariance)
 
     @property
     def determined(self) -> np.ndarray:
@@ -540,7 +540,7 @@ def _measure_change(
         odds = max(terms[k].odds for k in which)
         if first.kind == "load":  # where the prior alone gives a size, it is not known
             prior = np.sqrt(terms[which[0]].variance) / found.scale[own]
-            learned = np.sqrt(np.diag(spread)) <= (1 - Thresholds().contraction) * prior
+            learned = root_diagonal(spread) <= (1 - Thresholds().contraction) * prior
             spread = spread + np.diag(np.where(learned, 0.0, np.inf))
         return Change(
             kind=first.kind if first.pattern else "missing",

@@ -26,7 +26,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
-from identifiability.foundation.linalg import rms_of
+from identifiability.foundation.linalg import rms_of, root_diagonal
 from identifiability.foundation.names import BASE, Array, Json, NumberByName, Strings
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.presenter import presented
@@ -458,7 +458,7 @@ class Fit(Keyed, Predicts):
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield one row a parameter; a fit has no verdicts."""
-        sigma = np.sqrt(np.diag(self.covariance)).tolist()
+        sigma = root_diagonal(self.covariance).tolist()
         columns = (self.names, self.values.tolist(), sigma, self.submodel.units)
         return name_estimates(zip(*columns, strict=True))
 
@@ -468,7 +468,7 @@ class Fit(Keyed, Predicts):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: name, value, standard deviation, unit."""
-        sigma = np.sqrt(np.diag(self.covariance))
+        sigma = root_diagonal(self.covariance)
         columns = {"name": self.names, "value": self.values, "sigma": sigma}
         return by_name(pd.DataFrame({**columns, "unit": self.submodel.units}))
 

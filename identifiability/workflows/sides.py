@@ -29,7 +29,7 @@ from identifiability.estimation.mixed_model import Terms
 from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.linalg import ROUNDOFF, or_one, triangular_factor
+from identifiability.foundation.linalg import ROUNDOFF, or_one, solve_least, triangular_factor
 from identifiability.foundation.names import Array, NumberByName, Strings, name_each
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
@@ -370,7 +370,7 @@ def _may_explain_most(sides: Sides, structure: Structure, submodel: Submodel) ->
         factor = R[:, :-1]
         length = or_one(np.linalg.norm(factor, axis=0))
         unit = factor / length
-        values = np.linalg.lstsq(unit, target, rcond=ROUNDOFF)[0]
+        values = solve_least(unit, target, ROUNDOFF)
         unexplained = target - unit @ values
         error += float(target @ target)
         remaining += float(unexplained @ unexplained)

@@ -17,7 +17,7 @@ from scipy.special import logsumexp
 
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.linalg import ROUNDOFF, or_one
+from identifiability.foundation.linalg import ROUNDOFF, or_one, root_diagonal
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import ball
@@ -64,7 +64,7 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
     noise = towards @ covariance @ towards.T + ROUNDOFF * np.eye(len(off))
     errors = sum(x @ x.T for (_, kind), x in shapes.items() if kind == "other")
     roots = [np.linalg.cholesky(noise + share**2 * errors) for share in FILE_ERRORS]
-    far = np.abs(off) > RULES.contradicted * np.sqrt(np.diag(noise))
+    far = np.abs(off) > RULES.contradicted * root_diagonal(noise)
     springs = mimic_springs(structure) if far.any() else {}
     for joint, changes in springs.items():
         length = np.linalg.norm(_whiten(roots[-1], towards @ changes), axis=0)
@@ -108,7 +108,7 @@ def _find_determined(fit: Fit) -> Array:
     A torque offset that the model lacks changes none of them.
     """
     structure = fit.structure
-    unit = or_one(np.sqrt(np.diag(fit.of_labels[1])))
+    unit = or_one(root_diagonal(fit.of_labels[1]))
     of_joints = np.delete(structure.G, structure.inertial.ravel(), axis=1)
     unknown = np.column_stack([of_joints, fit.base_unknown, fit.offsets]) / unit[:, None]
     directions = unknown / or_one(np.linalg.norm(unknown, axis=0))

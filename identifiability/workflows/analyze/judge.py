@@ -18,7 +18,7 @@ from identifiability.estimation.prediction import Prediction, allow_offsets
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, judge, narrow
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.linalg import NEARLY, rms_of
+from identifiability.foundation.linalg import NEARLY, rms_of, solve_least
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.cad_prior import combine_with_file
@@ -78,7 +78,7 @@ def decide_model(
     )
     fit = replace(fit, excluded=_exclude_offsets(model, fit))
     beside = structure.nominal_base - submodel.fixed
-    stated = np.linalg.lstsq(submodel.M, beside, rcond=None)[0]
+    stated = solve_least(submodel.M, beside)
     forbidden = find_forbidden(model)
     # Missing effects may move a value to a sign that physics forbids.
     moved = replace(model, estimate=replace(estimate, value=fit.value))

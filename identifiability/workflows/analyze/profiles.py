@@ -19,7 +19,7 @@ from identifiability.estimation.evidence import least_noise
 from identifiability.estimation.noise import ARNoise, JointNoise
 from identifiability.estimation.profile import Number, Profile, ShapeRefits, profile, profile_shape
 from identifiability.foundation.errors import listing, near_match
-from identifiability.foundation.linalg import NEARLY, unit_coordinates
+from identifiability.foundation.linalg import NEARLY, solve_least, unit_coordinates
 from identifiability.foundation.names import Array, name_each
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.rounding import REACH
@@ -211,7 +211,7 @@ class ConsistentNumbers:
         names = [estimate.columns[k] for k in kept]
         if name in names and known[names.index(name)]:
             root = float(roots[names.index(name)])
-        x = np.linalg.lstsq(self.model.to_x.T, direction, rcond=None)[0]
+        x = solve_least(self.model.to_x.T, direction)
         outside = direction - x @ self.model.to_x
         apart = np.abs(outside).max()
         used = np.abs(x) > NEARLY * np.abs(x).max(initial=0.0)

@@ -27,7 +27,7 @@ from identifiability.estimation.noise import (
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.linalg import filter_from_rest, rms_of
+from identifiability.foundation.linalg import filter_from_rest, rms_of, solve_least
 from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
@@ -468,7 +468,7 @@ class World:
         submodel = e.submodel
         beta = self.robots.draw(of_robot)
         known = beta - submodel.fixed
-        truth = np.linalg.lstsq(submodel.M, known, rcond=None)[0]
+        truth = solve_least(submodel.M, known)
         noise = simulate_noise(
             self.noise,
             self.runs,

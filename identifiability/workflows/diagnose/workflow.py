@@ -27,7 +27,7 @@ from identifiability.estimation.rules import RULES
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.linalg import NEARLY, rms_of
+from identifiability.foundation.linalg import NEARLY, rms_of, solve_least
 from identifiability.foundation.names import Array, Json, Strings
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.runs import First, Progress, Run, quiet
@@ -525,7 +525,7 @@ def _as_diagnosed(structure: Structure, diagnosed: Structure, base: Array) -> Ar
     """
     common = [n for n in structure.columns if n in diagnosed.columns]
     G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, diagnosed))
-    phi = np.linalg.lstsq(G, base, rcond=None)[0]
+    phi = solve_least(G, base)
     apart = np.linalg.norm(G @ phi - base)
     if apart <= NEARLY * np.linalg.norm(base):
         return to @ phi

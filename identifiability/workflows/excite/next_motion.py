@@ -21,7 +21,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.linalg import NEARLY, TINY
+from identifiability.foundation.linalg import NEARLY, TINY, root_diagonal
 from identifiability.foundation.names import Array, Json, Strings, name_each
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
@@ -290,7 +290,7 @@ def _ask_rivals(
 ) -> tuple[Ask, ...]:
     """Return two asks a rival: the named effect is true, and a rival of as much torque is."""
     size = float(values @ G[np.ix_(own, own)] @ values)
-    length = np.sqrt(np.diag(G))
+    length = root_diagonal(G)
     length = np.where(length > TINY * length.max(), length, np.inf)
     asks = []
     for shapes in rivals:
