@@ -544,11 +544,11 @@ class Load(Result):
     def to_dict(self) -> Json:
         """Return the load in the documented JSON schema."""
         own = ["model", "body", "statement", "logs", "without", "caveats"]
-        quantities = [{**asdict(q), "told": q.told} for q in self.quantities]
-        as_measured = [{**asdict(q), "told": q.told} for q in self.as_measured]
-        by_file = {**asdict(self.by_file[0]), "told": self.by_file[0].told}
+        quantities = [*map(_describe, self.quantities)]
+        as_measured = [*map(_describe, self.as_measured)]
+        by_file = _describe(self.by_file[0]) if self.scale.contradicts else None
         estimate = name_each(GROUPED_KINDS, self.estimate.theta)
-        gains = [{**asdict(g), "told": g.told} for g in self.gains]
+        gains = [*map(_describe, self.gains)]
         parameters = name_each(GROUPED_KINDS, self.parameters)
         changed = [c.place for c in self.estimate.changes if c.kind == "friction"]
         return {
@@ -556,7 +556,7 @@ class Load(Result):
             "robot": self.robot.identity,
             **{name: getattr(self, name) for name in own},
             "mass": quantities[0],
-            "mass_by_file": by_file if self.scale.contradicts else None,
+            "mass_by_file": by_file,
             "quantities": quantities,
             "as_measured": as_measured,
             "torque_scale": asdict(self.scale),
@@ -567,6 +567,11 @@ class Load(Result):
             "friction_changed": changed,
             "gains": gains,
         }
+
+
+def _describe(number: Quantity) -> Json:
+    """Return a number about a load for JSON."""
+    return {**asdict(number), "told": number.told}
 
 
 @checked
@@ -621,12 +626,16 @@ def payload(
     load = KnownLoad(mass, centre, inertia)
     with one_thread("blas"):
         case = take_case(robot, (), without, None)
-        fit, empty = _find_unloaded(result, case.robot)
+        empty = [] if is_result(result) else list_logs(cast("Logs", result))
+        fit = None if empty else find_fit(cast("FitLike", result), case.robot)
         structure = _without_gains(case.robot) if fit is None else fit.structure
         place = choose_body(structure, body)
         load.check(empty, turns=can_turn(structure, place))
-        unloaded = case if isinstance(robot, Case) else [*empty, *case.validate]
-        sides, hints = _gather_sides(fit, structure, logs, unloaded, run)
+        if isinstance(robot, Case):
+            sides, hints = _join_case(case, fit, structure, logs, run)
+        else:
+            sides, hints = _prepare_sides(fit, structure, logs, [*empty, *case.validate], run)
+        require_signal(sides.samples, "weighed")
         of_load = fit, structure, place, load, case.robot.gravity
         seen = sides.look(0)
         differences = _find_load(sides, seen, *of_load)
@@ -726,24 +735,6 @@ class KnownLoad:
         return ten_parameters(self.mass, self.centre, inertia)
 
 
-def _find_unloaded(result: FitLike | Logs, robot: Robot) -> tuple[Fit | None, list[LogLike]]:
-    """Return the fit of the robot without the load, or the logs to fit it from."""
-    empty = [] if is_result(result) else list_logs(cast("Logs", result))
-    return None if empty else find_fit(cast("FitLike", result), robot), empty
-
-
-def _gather_sides(
-    fit: Fit | None, structure: Structure, logs: Logs, unloaded: Case | list[LogLike], run: Run
-) -> tuple[Sides, list[str]]:
-    """Return logs with a load, then those without, and remarks on all."""
-    if isinstance(unloaded, Case):
-        sides, hints = _join_case(unloaded, fit, structure, logs, run)
-    else:
-        sides, hints = _prepare_sides(fit, structure, logs, unloaded, run)
-    require_signal(sides.samples, "weighed")
-    return sides, hints
-
-
 def _prepare_sides(
     fit: Fit | None, structure: Structure, logs: Logs, unloaded: Logs, run: Run
 ) -> tuple[Sides, list[str]]:
@@ -839,15 +830,12 @@ def _without_gains(robot: Robot) -> Structure:
     return Structure.of(free, Model.of(*DEFAULT_EFFECTS))
 
 
-def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
-    """Return a warning if noise of the motion can bias the load."""
+def _tell_noise(logs: Sequence[Log], how: Preparation) -> Iterator[str]:
+    """Yield a warning if noise of the motion can bias the load."""
     band = how.band if isinstance(how, CommonPreparation) else None
-    if band is None or band.noise <= LOG_RULES.small:
-        return []
     loud = [x.name for x in logs if not {"dq", "ddq"} <= set(x.channels)]
-    if loud:
-        return [phrase("load_noise", "says", logs=listing(loud, 4))]
-    return []
+    if loud and band is not None and band.noise > LOG_RULES.small:
+        yield phrase("load_noise", "says", logs=listing(loud, 4))
 
 
 def can_turn(structure: Structure, body: str) -> bool:

@@ -70,11 +70,10 @@ DRIFTS = "function_of_session_time"
 MOTION = Use(divides=False, commands=False, motion_alone=True)
 
 
-def state_missing(functions: Sequence[str]) -> Strings:
-    """Return the remark on the values of a fit whose model lacks functions, if any."""
+def state_missing(functions: Sequence[str]) -> Iterator[str]:
+    """Yield the remark on the values of a fit whose model lacks functions, if any."""
     if functions:
-        return (phrase("result.missing", "says", functions=list(functions)),)
-    return ()
+        yield phrase("result.missing", "says", functions=list(functions))
 
 
 def list_missing(found: MissingEffects) -> list[Json]:
@@ -578,12 +577,11 @@ def _place_in_session(
         yield replace(sample, motion=replace(sample.motion, start=start))
 
 
-def _state_session(fit: Fit, samples: Sequence[Dataset]) -> tuple[Finding, ...]:
-    """Return a sentence if the model depends on a time of the session that no clock tells."""
+def _state_session(fit: Fit, samples: Sequence[Dataset]) -> Iterator[Finding]:
+    """Yield a sentence if the model depends on a time of the session that no clock tells."""
     drifts = any(text.startswith(DRIFTS) for text in fit.structure.model.texts)
     if drifts and any(sample.motion.start is None for sample in samples):
-        return (Finding("prediction.session"),)
-    return ()
+        yield Finding("prediction.session")
 
 
 def _predict_chunks(
