@@ -528,7 +528,7 @@ def _describe(
     written_beside = by_effect(robot, beside, physical.shapes)
     error_file = None if kind is None else physical.error_ra_files.get(kind)
     mass = state_mass(robot, given, physical.cad_prior)
-    notes = _notes(robot, content, kind, written.robot.name, said=unseen is not None)
+    notes = _state_notes(robot, content, kind, written.robot.name, said=unseen is not None)
     return Exported(
         robot=written.robot,
         sidecar=written.sidecar,
@@ -537,7 +537,7 @@ def _describe(
         error_ra_file=error_file,
         unseen=unseen,
         mass=mass,
-        notes=notes,
+        notes=tuple(notes),
         joints=_describe_joints(robot, content, given),
     )
 
@@ -601,41 +601,41 @@ def _as_stated(robot: Robot, given: NumberByName) -> dict[str, float]:
     return out
 
 
-def _notes(
+def _state_notes(
     robot: Robot, content: ResultEntry, kind: Kind | None, name: str, *, said: bool
-) -> Strings:
-    """Return the notes on a file that was written, with its error unless that is stated."""
-    notes = [] if content.rollout is None or said else [content.rollout.statement]
-    slide = {} if content.rollout is None else content.rollout.slide
-    if slide:
+) -> Iterator[str]:
+    """Yield the notes on a file that was written, with its error unless that is stated."""
+    moved = content.rollout
+    if moved is not None and not said:
+        yield moved.statement
+    if moved is not None and moved.slide:
         part = "bristles" if kind == "mjcf" else "coulomb"
-        most = 1e3 * max(slide.values())
-        notes.append(phrase("exported", part, file=name, joints=[*slide], most=most))
-    if content.rollout is None and robot.servo is not None and robot.servo.delay is None:
-        notes.append(phrase("exported", "delay"))
+        most = 1e3 * max(moved.slide.values())
+        yield phrase("exported", part, file=name, joints=[*moved.slide], most=most)
+    if moved is None and robot.servo is not None and robot.servo.delay is None:
+        yield phrase("exported", "delay")
     if robot.tilt is not None:
-        notes.append(phrase("exported", "tilt", file=name, tilt=robot.tilt.text))
+        yield phrase("exported", "tilt", file=name, tilt=robot.tilt.text)
     if kind is not None and robot.known_torque:
         known = "; ".join(k.text for k in robot.known_torque)
-        notes.append(phrase("exported", "known", file=name, known=known))
-    notes += _note_springs(content.bending, kind, name)
+        yield phrase("exported", "known", file=name, known=known)
+    if kind is not None and content.bending.joints:
+        yield _note_springs(content.bending, kind, name)
     if kind not in (None, file_kinds(robot)[0]):
-        notes.append(phrase("exported", "format", file=name))
+        yield phrase("exported", "format", file=name)
     if content.warnings:
-        notes.append(phrase("exported", "warned", warnings=content.warnings))
-    return (*notes, *state_missing(content.missing))
+        yield phrase("exported", "warned", warnings=content.warnings)
+    yield from state_missing(content.missing)
 
 
-def _note_springs(found: BendingEntry, kind: Kind | None, name: str) -> list[str]:
-    """Return the note on joints that bend, if there are any."""
-    if not found.joints or kind is None:
-        return []
+def _note_springs(found: BendingEntry, kind: Kind, name: str) -> str:
+    """Return the note on joints that bend."""
     joints = [x.joint for x in found.joints]
     if kind == "urdf":
-        return [phrase("exported", "urdf_springs", file=name, joints=joints)]
+        return phrase("exported", "urdf_springs", file=name, joints=joints)
     if found.rigid:
-        return [phrase("exported", "stiff", file=name, joints=joints, why=found.rigid)]
-    return [phrase("exported", "springs", file=name, joints=joints)]
+        return phrase("exported", "stiff", file=name, joints=joints, why=found.rigid)
+    return phrase("exported", "springs", file=name, joints=joints)
 
 
 # How much files err on logs that were not fitted, as this package reads them.
