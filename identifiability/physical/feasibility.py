@@ -229,18 +229,16 @@ def choose_prior(
 
 def _follow_folds(
     model: FittedModel, projection: Projection, folds: Folds, weights: Sequence[float]
-) -> list[Iterator[tuple[Array, Array]]]:
-    """Return the path of optima under falling weights of the prior, for each fold's rest."""
+) -> Iterator[Iterator[tuple[Array, Array]]]:
+    """Yield the path of optima under falling weights of the prior, for each fold's rest."""
     # A path that begins at a light weight fails: bodies begin too far from the optimum.
     heavier = [weight for weight in WEIGHTS if weight > weights[0]]
-    paths = list[Iterator[tuple[Array, Array]]]()
     for row in folds.train:
         rest = model.whole.take(row)
         information = model.submodel.reduce(rest)
         part = replace(model, whole=rest, information=information)
         path = projection.follow(_believe(part, weights[-1]), [*heavier, *weights])
-        paths.append(islice(path, len(heavier), None))
-    return paths
+        yield islice(path, len(heavier), None)
 
 
 def _predicts_as_well(

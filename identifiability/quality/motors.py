@@ -52,7 +52,7 @@ def find_misread_motors(logs: MeasuredLogs) -> Iterator[Finding]:
     measured = logs.torque[:, driven] @ np.linalg.pinv(to_joints)
     if len(gear.motors) > len(to_joints.T) or not measured.any(axis=0).all():
         return
-    changed = _list_changes(measured)
+    changed = [*_list_changes(measured)]
     squares = _square_residuals(logs, to_joints, [x.torque for x in changed])
     speed = logs.motion.actuated_v[:, driven]
     energy = [np.sum(x.torque @ to_joints * speed, axis=0).min() for x in changed]
@@ -90,15 +90,14 @@ def _square_residuals(logs: MeasuredLogs, to_joints: Array, torques: Sequence[Ar
     return np.sum(left**2, axis=0)
 
 
-def _list_changes(torque: Array) -> list[Misread]:
-    """Return the torque of motors (N, m) as it is, with one sign reversed, or two exchanged."""
-    changes = [Misread("literal", [], torque)]
+def _list_changes(torque: Array) -> Iterator[Misread]:
+    """Yield the torque of motors (N, m) as it is, with one sign reversed, or two exchanged."""
+    yield Misread("literal", [], torque)
     count = torque.shape[1]
     for motor in range(count):
         sign = np.where(np.arange(count) == motor, -1.0, 1.0)
-        changes.append(Misread("sign", [motor], torque * sign))
+        yield Misread("sign", [motor], torque * sign)
     for pair in combinations(range(count), 2):
         order = np.arange(count)
         order[[*pair]] = pair[::-1]
-        changes.append(Misread("exchanged", [*pair], torque[:, order]))
-    return changes
+        yield Misread("exchanged", [*pair], torque[:, order])

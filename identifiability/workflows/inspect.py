@@ -6,7 +6,7 @@ read and prepared. It also checks them against the robot file, its limits and ph
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any, Literal
 
@@ -168,23 +168,23 @@ def template_frame(robot: Robot) -> pd.DataFrame:
     return frame
 
 
-def find_needs(robot: Robot) -> tuple[Need, ...]:
-    """Return the facts that the robot file lacks, the most important first."""
-    needs = [Need(wrong)] if (wrong := find_impossible_bodies(robot)) else []
-    needs += [Need(finding) for finding in check_plausible(robot)]
+def find_needs(robot: Robot) -> Iterator[Need]:
+    """Yield the facts that the robot file lacks, the most important first."""
+    if wrong := find_impossible_bodies(robot):
+        yield Need(wrong)
+    yield from map(Need, check_plausible(robot))
     if robot.assembled:
         table = [f"{for_toml(name)} = {x:.6g}" for name, x in robot.home_table.items()]
         whole = len(table) == len(robot.tree.joints)
-        needs.append(Need(robot.describe_assembly(), "\n".join(["[home]", *table] * whole)))
+        yield Need(robot.describe_assembly(), "\n".join(["[home]", *table] * whole))
     if not robot.mjcf and read_sidecar(robot.sidecar).actuated is None:
         line = f"actuated = {for_toml(robot.joints)}"
-        needs.append(Need(phrase("needs", "actuated"), line))
+        yield Need(phrase("needs", "actuated"), line)
     if not has_masses(robot):
-        needs.append(Need(phrase("needs", "guessed" if robot.guessed else "masses")))
+        yield Need(phrase("needs", "guessed" if robot.guessed else "masses"))
     if robot.base is not None and not (robot.base.contacts or robot.base.wrenches):
         line = '[[contacts]]\nframe = "foot"\nflag = "foot_contact"'
-        needs.append(Need(phrase("needs", "contacts"), line))
-    return tuple(needs)
+        yield Need(phrase("needs", "contacts"), line)
 
 
 # Content of a log: its clock, its columns joint by joint, and its preparation.
@@ -472,7 +472,7 @@ def _describe_robot(case: Case, model: ModelLike | None) -> Inspection:
     return Inspection(
         structure=structure,
         joints=describe_joints(robot),
-        needs=find_needs(robot),
+        needs=tuple(find_needs(robot)),
         provenance=provenance,
         preparation=case.preparation or Preparation(),
     )

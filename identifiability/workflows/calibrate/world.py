@@ -565,18 +565,12 @@ def sample_anew(
     robot: Robot, logs: Sequence[tuple[Log, Dataset, Preparation]], rng: np.random.Generator
 ) -> list[Dataset]:
     """Return the samples of logs with the same amount of noise added, and the same instruments."""
-    again = [noise_again(log, rng) for log, *_ in logs]
-    pairs = zip(
-        again,
-        logs,
-        strict=True,
-    )
-    found = [measure_again(robot, log, own, how) for log, (_, own, how) in pairs]
     anew = []
-    for log, own in zip(again, found, strict=True):
-        sample = own
-        if own.instrument is not None:
-            instrumented = add_instrument(robot, log, own, always=True)
-            sample = instrumented or replace(own, instrument=own.motion)
+    for log, own, how in logs:
+        noisy = noise_again(log, rng)
+        sample = measure_again(robot, noisy, own, how)
+        if sample.instrument is not None:
+            instrumented = add_instrument(robot, noisy, sample, always=True)
+            sample = instrumented or replace(sample, instrument=sample.motion)
         anew.append(sample)
     return anew
