@@ -81,7 +81,7 @@ class PhysicalResult:
     def margin(self) -> float:
         """Smallest scaled eigenvalue that all bodies can keep; negative when infeasible."""
         if self.certificate is None:
-            return float("nan")
+            return np.nan
         return self.certificate.margin
 
     def within(self, submodel: Submodel) -> Submodel | None:

@@ -76,14 +76,7 @@ class PhysicalSet:
         length = np.broadcast_to(self.length, nb)
         names = self.names or tuple(f"body {k + 1}" for k in range(nb))
         columns = self.columns or tuple(map(str, range(self.size)))
-        completed = {
-            "mass": mass,
-            "length": length,
-            "names": names,
-            "columns": columns,
-        }
-        for name, value in completed.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(mass=mass, length=length, names=names, columns=columns)
 
     @property
     def size(self) -> int:

@@ -344,18 +344,16 @@ class Case:
         if _is_none(held_out):
             held_out = ()
             use = replace(use, divides=False)
-        values = {
-            "robot": Robot.of(robot),
-            "logs": tuple(list_logs(logs)),
-            "validate": held_out,
-            "model": model,
-            "preparation": preparation,
-            "reading": reading,
-            "use": use,
-            "stages": stages or Stages(),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(
+            robot=Robot.of(robot),
+            logs=tuple(list_logs(logs)),
+            validate=held_out,
+            model=model,
+            preparation=preparation,
+            reading=reading,
+            use=use,
+            stages=stages or Stages(),
+        )
 
     @staticmethod
     def load(folder: str | Path) -> Case:

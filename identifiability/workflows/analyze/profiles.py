@@ -216,6 +216,6 @@ class ConsistentNumbers:
         apart = np.abs(outside).max()
         used = np.abs(x) > NEARLY * np.abs(x).max(initial=0.0)
         if apart > NEARLY * np.abs(direction).max() or not estimate.determined[used].all():
-            return float("nan"), np.inf, root**2
+            return np.nan, np.inf, root**2
         error = root * float(np.linalg.norm(x[kept] @ inverse))
         return float(x @ estimate.value), error, root**2

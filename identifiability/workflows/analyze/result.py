@@ -150,7 +150,7 @@ class ModelResult:
         every = self.unseen.relative_error()
         if which < len(every):
             return float(every[which])
-        return float("nan")
+        return np.nan
 
     @property
     def feasible(self) -> bool:
@@ -441,7 +441,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         files = name_each(kinds, map(used.unseen_by, (2, 3)))
         given = name_each(kinds, map(used.unseen_by, (4, 5)))
         if "gravity" in told:  # errors of its files are measured along the fitted logs only
-            files = given = dict.fromkeys(files, float("nan"))
+            files = given = dict.fromkeys(files, np.nan)
         return told | {
             "error_ra_validation_files": files,
             "error_ra_validation_given_files": given,

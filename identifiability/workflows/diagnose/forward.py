@@ -74,14 +74,14 @@ class ForwardGap:
         """Mean share at the end of a stretch, base model."""
         if self.measured:
             return float(self.before[:, -1].mean())
-        return float("nan")
+        return np.nan
 
     @property
     def error_after(self) -> float:
         """The same with the named effects."""
         if self.measured:
             return float(self.after[:, -1].mean())
-        return float("nan")
+        return np.nan
 
     @property
     @presented

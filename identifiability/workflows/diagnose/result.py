@@ -20,7 +20,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import Array, Json, Strings, name_each
+from identifiability.foundation.names import Array, Json, NumberByName, Strings, name_each
 from identifiability.foundation.output import write_text
 from identifiability.foundation.presenter import present, presented
 from identifiability.foundation.result import Result
@@ -109,11 +109,11 @@ class Placement:
     peak: float
     rivals: tuple[Rival, ...] = ()
     weight: float = 1.0
-    odds: float = float("nan")
-    unseen: float = float("nan")
+    odds: float = np.nan
+    unseen: float = np.nan
     sure: bool = True
-    shape_error: float = float("nan")
-    exponent: float = float("nan")
+    shape_error: float = np.nan
+    exponent: float = np.nan
 
     @property
     def rows(self) -> list[tuple[str, float, float, str]]:
@@ -233,9 +233,9 @@ class Odds:
     name: str
     place: str
     before: float
-    after: float = float("nan")
-    unseen: float = float("nan")
-    needed: float = float("nan")
+    after: float = np.nan
+    unseen: float = np.nan
+    needed: float = np.nan
 
 
 @frozen(kw_only=True)
@@ -747,11 +747,11 @@ def nearest_dict(d: Diagnosis) -> Json:
         real = real_robot(d, structure) if known is None else known
     except IdentifiabilityError as error:
         return {**real_robot_dict(structure, {}), "reason": str(error)}
-    values, weight = _fold(dict(real.values)), real.cad_weight
-    return real_robot_dict(structure, values, samples=d.samples, cad_weight=weight)
+    values = _fold(real.values)
+    return real_robot_dict(structure, values, samples=d.samples, cad_weight=real.cad_weight)
 
 
-def _fold(values: dict[str, float]) -> dict[str, float]:
+def _fold(values: NumberByName) -> dict[str, float]:
     """Return values in which no joint has a common Coulomb level and separate ones."""
     out = dict(values)
     for name in [n for n in values if n.endswith(".Fc") and f"{n}+" in values]:

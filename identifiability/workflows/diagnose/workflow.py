@@ -879,8 +879,7 @@ def _odds_of(term: Term, unseen: float, needed: float = np.nan) -> Odds:
 def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
     """Return the log odds of all groups, without and with the named effects."""
     after = {t.key: t.odds for t in naming.after}
-    unknown = float("nan")
-    pairs = [(t, after.get(t.key, unknown)) for t in naming.before]
+    pairs = [(t, after.get(t.key, np.nan)) for t in naming.before]
     return tuple(Odds(t.group.family, place_of(t), t.odds, odds) for t, odds in pairs)
 
 
