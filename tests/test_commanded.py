@@ -18,6 +18,7 @@ from identifiability import (
     Robot,
     analyze,
     diagnose,
+    excite,
     export,
     inspect,
     predict,
@@ -98,6 +99,7 @@ def test_servos_of_an_mjcf_are_its_position_actuators_behind_their_gears(tmp_pat
     ("text", "said"),
     [
         ("[servo]\nkp = 0\n", "neither kp nor kv"),
+        ("[servo]\nkd = 1\n", "mean 'kv'"),
         ("[servo]\nkp = {shoulder = -1}\n", r"'servo\.kp\.shoulder': .*equal to 0"),
     ],
 )
@@ -429,6 +431,9 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     assert "holds commands and no torque" in said
     told = {n.text: n.level for n in result.cautions()}
     assert told[said] == "note"  # it speaks against nothing
+    assert "motion.write_motion('commands.csv')" in str(result.next())
+    with pytest.raises(IdentifiabilityError, match="export the fitted robot"):
+        excite(arm, start_from=frames[0])
     table = result.to_frame(details=True).set_index("name")
     structure = result.structure
     phi = np.array([{**arm.nominal, **TRUTH}.get(n, 0.0) for n in structure.columns])
@@ -443,7 +448,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
         for x in (result, result.to_json(tmp_path / "result.json"))
     )
     assert_allclose(found.totals, again.totals)
-    log = read(arm, frames[1])
+    log = read(arm, frames[1].rename(columns=lambda c: re.sub(r"(.*)\.cmd", r"act_\1", c)))
     apart = roll_delayed(CommandedRobot(arm, TRUTH), log)[1] - log.q
     assert found.totals[1] < 1.05 * apart[forgotten(log) :].std()
     size = f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad."

@@ -29,6 +29,9 @@ MOST_BYTES = {"TOML": 1_000_000, "JSON": 50_000_000}
 #: Tables in tables that a dotted key may name; its parser takes the square of them in memory.
 DEEPEST = 64
 
+#: Keys by other names that drives and simulators have for them.
+CALLED = {"kd": "kv", "damping": "kv", "stiffness": "kp", "effort_limit": "limit"}
+
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 # It begins where a part does: looked for in the middle, long words would take their square in time.
 _DEEP_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST},}}")
@@ -124,10 +127,8 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     where = ".".join(map(str, (*above, last)))
     if problem["type"] == "extra_forbidden":
         known = _known_keys(schema, above)
-        return (
-            f"'{where}' is not a key that is known here{near_match(str(last), known)} "
-            f"The keys are {listing(known, 20)}."
-        )
+        near = near_match(CALLED.get(str(last), str(last)), known)
+        return f"'{where}' is not a key that is known here{near} The keys are {listing(known, 20)}."
     here = [p["msg"] for p in problems if _keys_of(p["loc"]) == keys]
     said = [text.removeprefix("Value error, ") for text in dict.fromkeys(here)]
     told = f"{', or '.join(text[0].lower() + text[1:] for text in said)}."

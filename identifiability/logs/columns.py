@@ -238,6 +238,11 @@ def _find_candidates(
                 replace(g, kind=kind, current=kind == "tau") if g.kind == other else g
                 for g in measured
             ]
+    if known.servo is not None and not (
+        torque or commands
+    ):  # act_elbow beside pos_elbow is an action
+        acts = (g for g in measured if g.kind == BARE and "act" in words_of(g.source))
+        commands = [replace(g, kind="q_ref") for g in acts]
     if _all_there({g.name for g in measured if g.literal}, known, needed):
         also = (*known.locked,)
         measured = [g for g in measured if g.literal or g.kind in MOTOR or g.joint in also]

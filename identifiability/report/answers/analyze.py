@@ -147,6 +147,9 @@ class LadderedPresenter(PredictingPresenter):
         all_fitted = "" if result.validation else " --validate none"
         again = f"{verb} {inputs}{all_fitted}{ladder}"
         find = f"diagnose {inputs}"
+        export = partial(commands.export_line, result.robot)
+        exported = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
+        commanded = result.recordings.commanded
         out = list[Command]()
         # A missing effect changes which parameters are needed: name it before pruning.
         if verb == "prune" and not result.missing.functions:
@@ -154,19 +157,21 @@ class LadderedPresenter(PredictingPresenter):
             find = commands.on_file(result, "model", "pruned.toml", f"{again} --out", use)
         elif verb == "analyze" and _has_unknown(result.chosen):
             line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
-            begun = commands.name_logs(result.robot, names, "--start-from", how)
             # Another motion separates values from offsets, a smaller model does not.
             offsets = [v.name for v, _ in result.chosen.without_offsets]
             apart = _separate_offsets(result, offsets) if offsets else ""
-            more = f"excite {self.robot} {begun}{apart} --out next.json"
+            if commanded:  # the gains of the servos are no torque to start from
+                file = exported.split()[-1]
+                more = f"{exported} && identifiability excite {file}{apart} --out commands.csv"
+            else:
+                begun = commands.name_logs(result.robot, names, "--start-from", how)
+                more = f"excite {self.robot} {begun}{apart} --out next.json"
             measure = command("offsets" if offsets else "measure", more)
             # Of a motion that is not rich enough a smaller model hides that.
             poor = len(result.full.estimate.kept) < result.base.rank
             out = [command("prune", line), measure][:: -1 if offsets or poor else 1]
-        if result.recordings.commanded or not find_rises(result.real_robot, "mjcf"):
-            export = partial(commands.export_line, result.robot)
-            line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
-            out.append(command("export", line))
+        if commanded or not find_rises(result.real_robot, "mjcf"):
+            out.append(command("export", exported))
         found = _order_commands(
             result, out, f"{find} --out model.toml --report missing.html", ladder
         )

@@ -43,10 +43,11 @@ class CalibrationPresenter(AnsweringPresenter):
         given, name = given_paths(analysis.samples), source_name(robot)
         logs = f"{name_logs(robot, given, how=how)}{ladder_option(robot, analysis.source)}"
         more = f"--replicates {4 * len(result.cell.held)} --report calibration.html"
-        begun = name_logs(robot, given, "--start-from", how)
+        begun = f"{name_logs(robot, given, '--start-from', how)} --out next.json"
+        begun = "--out commands.csv" if analysis.recordings.commanded else begun
         usual = {
             "yes": ("use", f"analyze {name} {logs} --report report.html"),
-            "no": ("motion_next", f"excite {name} {begun} --out next.json"),
+            "no": ("motion_next", f"excite {name} {begun}"),
             "not enough trials": ("trials", f"calibrate {name} {logs} {more}"),
         }
         found = [usual[word]]

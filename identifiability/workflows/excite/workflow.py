@@ -112,7 +112,7 @@ def excite(
     check_option("samples", samples, Annotated[int, counted(4 * harmonics + 1, MOST_SAMPLES)])
     run = Run(progress or quiet, engine or Serial(), seed)
     with one_thread("blas"):
-        case = take_case(robot, start_from or (), (), preparation, MEASURED)
+        case = take_case(robot, () if start_from is None else start_from, (), preparation, MEASURED)
         case.robot.check_stands("designing a motion")
         run.say("reading logs", 0.0)
         ask = partial(pose_question, parameters=parameters, separate=separate)
@@ -202,7 +202,7 @@ def find_motion(
     objective = Objective(question, known, series, min(samples, series.looks), drive)
     aim = question.criterion
 
-    sooner = f"--evaluations {evaluations // 4} takes a quarter of the time"
+    sooner = f"--set evaluations={evaluations // 4} takes a quarter of the time"
 
     def show(cost: float, share: float) -> None:
         run.say(f"{aim.title}: {aim.figure(cost):.4g} ({sooner})", min(share, 0.99))
