@@ -217,4 +217,6 @@ def _parse(path: Path, form: Form, lines: list[str], row: int) -> pd.DataFrame:
             number = r"(?<=line )\d+|(?<=row )\d+"
             shifted = re.sub(number, lambda m: str(int(m[0]) + row), str(error))
             raise pd.errors.ParserError(shifted) from None
+    if form.decimal == ",":  # pandas leaves commas in a column in which one cell is no number
+        frame = frame.replace(r"^([-+]?\d*),(\d*([eE][-+]?\d+)?)$", r"\1.\2", regex=True)
     return frame.set_axis(list(form.columns), axis=1)

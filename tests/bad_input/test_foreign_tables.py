@@ -120,6 +120,14 @@ def test_stated_units_are_converted_and_others_refused(bare, known, write, read_
             Log.read(write("log.csv", text_of(bare, units=units)), known)
 
 
+@pytest.mark.parametrize("cell", ["#WERT!", "1.234,56"])
+def test_among_decimal_commas_a_cell_that_is_no_number_is_named(cell, bare, known, write):
+    rows = text_of(bare, ";", ",").split("\n")
+    rows[7] = f"0,06;{cell};0,1;0,1;0,1"
+    with pytest.raises(IdentifiabilityError, match=rf"in 1 of .* row 7 \('{cell}'\); remove"):
+        Log.read(write("log.csv", "\n".join(rows)), known)
+
+
 def test_cells_of_a_header_may_stand_over_several_lines(bare, known, write, read_both):
     angles = bare.assign(**{"elbow.q": np.degrees(bare["elbow.q"])})
     names = {"elbow.q": '"elbow.q\n[deg]"', "shoulder.tau": '"shoulder.tau\n[Nm]"'}
@@ -139,7 +147,7 @@ def test_a_file_cut_anywhere_loses_its_last_line_with_a_note(bare, known, write)
         assert (log.tau == whole.tau[: len(log)]).all()
         ended = content[:-cut].endswith("\n")
         assert bool(log.notes) != ended
-        assert len(log) == 200 - content[-cut:].count("\n") + (ended and 0)
+        assert len(log) == 200 - content[-cut:].count("\n")
 
 
 def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both):
