@@ -227,20 +227,26 @@ def _find_candidates(
 ) -> list[Column]:
     """Return the columns of measurements, then those of commands.
 
-    If there is torque, only commands with documented names count.
+    If there is torque, only commands with documented names count. Currents replace the torque of
+    joints that have none.
     """
     every = known.commands or not torque
     commands = [g for g in guesses if g.kind in COMMANDS and (every or g.literal)]
     measured = [g for g in guesses if g.kind not in COMMANDS]
-    for kind, other in (("q", BARE), ("tau", "current")):
-        if all(g.kind != kind for g in measured):
-            measured = [
-                replace(g, kind=kind, current=kind == "tau") if g.kind == other else g
-                for g in measured
-            ]
-    if known.servo is not None and not (
-        torque or commands
-    ):  # act_elbow beside pos_elbow is an action
+    if all(g.kind != "q" for g in measured):
+        measured = [replace(g, kind="q") if g.kind == BARE else g for g in measured]
+    has = {g.joint for g in measured if g.kind == "tau"}
+    drives = known.motors if has & {*known.motors} else known.joints
+    lacking = {*drives} - has if has else {g.joint for g in measured}
+    if "" not in has:
+        measured = [
+            replace(g, kind="tau", current=True)
+            if g.kind == "current" and g.joint in lacking
+            else g
+            for g in measured
+        ]
+    # act_elbow beside pos_elbow is an action.
+    if known.servo is not None and not (torque or commands):
         acts = (g for g in measured if g.kind == BARE and "act" in words_of(g.source))
         commands = [replace(g, kind="q_ref") for g in acts]
     if _all_there({g.name for g in measured if g.literal}, known, needed):
@@ -507,10 +513,11 @@ def _convert_torque(
         replace(c, factor=c.factor * factors[c.joint]) if c is given.get(c.joint) else c
         for c in columns
     ]
-    changed = [f"{j}: {f:.6g}" for j, f in factors.items() if f != 1.0 or given[j].current]
-    currents = any(c.current for c in given.values())
+    changed = {j: f"{j}: {f:.6g}" for j, f in factors.items() if f != 1.0 or given[j].current}
+    currents = all(given[j].current for j in changed)
     what = "torques are currents times" if currents else "torques were multiplied by"
-    notes = [f"{what} their gain, ratio and sign ({listing(changed, 4)})"] if changed else []
+    said = listing(changed.values(), 4)
+    notes = [f"{what} their gain, ratio and sign ({said})"] if changed else []
     links = [j for j in joints if torque.side_of(j) == "link"]
     if links:
         notes.append(phrase("reading", "link", joints=links))
@@ -762,6 +769,9 @@ def _refuse_missing(
     has = [*dict.fromkeys(c.joint for c in measured.values() if c.kind in ("q", "tau"))]
     wanted = known.motors if {*has} & {*known.motors} else known.joints or has or ["<joint>"]
     missing = [n for j in wanted for n in (f"{j}.q", f"{j}.tau") if n not in taken]
+    if wanted == known.motors and {f"{j}.q" for j in known.joints} <= {*taken}:
+        missing = [n for n in missing if _kind(n) == "tau"]
+        wanted = ()  # no motor can be locked
     likely = [n for n in free if _may_be(n, missing) and "wrench" not in words_of(n)]
     raise LogError(tell_missing(source, missing, wanted, likely, known.passive))
 

@@ -40,17 +40,13 @@ def test_wrong_columns_are_named_with_the_near_match(change, sentence, refuses, 
     assert sentence in refuses("two-link", arm.rename(columns=lambda c: c.replace(old, new)))
 
 
-def test_values_that_no_unit_explains_are_refused(write, arm):
-    with pytest.raises(
-        IdentifiabilityError, match=r"'elbow.tau' is 1e\+200 in data row 7, more than anything"
-    ):
-        Log.read(write("log.csv", cell(arm, 7, "elbow.tau", 1e200)))
-    with pytest.raises(
-        IdentifiabilityError, match=r"column 't' is 1\.7e\+21 in data row 1, .*time in s"
-    ):
-        Log.from_frame(arm.assign(t=1.7e21 + 1e9 * np.arange(200)))
-    with pytest.raises(IdentifiabilityError, match=r"sampling step of .*, which no robot has"):
-        Log.from_frame(arm.assign(t=1e-9 * arm["t"]))
+def test_values_that_no_unit_explains_are_refused(refuses, arm):
+    large = "'elbow.tau' is 1e+200 in data row 7, more than anything"
+    assert large in refuses("two-link", cell(arm, 7, "elbow.tau", 1e200))
+    late = refuses("two-link", arm.assign(t=1.7e21 + 1e9 * np.arange(200)))
+    assert "column 't' is 1.7e+21 in data row 1, more than" in late
+    assert "(time in s)" in late
+    assert ", which no robot has" in refuses("two-link", arm.assign(t=1e-9 * arm["t"]))
 
 
 def test_time_that_does_not_increase_is_named_with_its_row(refuses, arm):
