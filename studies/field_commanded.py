@@ -40,7 +40,7 @@ sys.path.insert(0, str(Path(__file__).parent / "shipped"))
 import floating_bases as bases
 
 #: Keys of remarks on all logs of a kind, for any content.
-ALWAYS = ("reading", "commands", "assembly", "outside")
+ALWAYS = ("reading", "commands", "assembly", "outside", "stale_commands")
 #: A warning that stands among what is always said of commands.
 EARLY = "Commands seem to act before their rows"
 #: Remarks that something is wrong, without a cause.

@@ -3,6 +3,7 @@
 import pickle
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from identifiability.regression.regression import LogPart
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows import case as cases
 
+refuses = partial(pytest.raises, IdentifiabilityError)
 VERBS = {"analyze": analyze, "diagnose": diagnose, "prune": prune}
 
 
@@ -168,7 +170,7 @@ def test_a_comparison_of_a_case_is_of_fitted_with_held_out_logs(two_logs, loaded
     (change,) = found.changes  # a reading of both sides would call part of the load an offset
     assert change.kind == "load"
     assert abs(change.sizes[0] - 0.5) <= 3 * change.sd[0]
-    with pytest.raises(IdentifiabilityError, match="no log after a change"):
+    with refuses(match="no log after a change"):
         compare(Case(robot, logs, "none"))
 
 
@@ -179,9 +181,9 @@ def test_a_load_is_weighed_against_the_fitted_logs_of_a_case(two_logs, case, loa
     alone = payload(robot, result, loaded, logs[:1])
     assert (found.logs, found.without) == (alone.logs, alone.without) == (("loaded",), ("a",))
     assert found.mass.value == pytest.approx(alone.mass.value, rel=1e-6)
-    with pytest.raises(IdentifiabilityError, match="on both sides"):
+    with refuses(match="on both sides"):
         payload(case, result, replace(logs[1], name="again"))
-    with pytest.raises(IdentifiabilityError, match="stands for the logs without the load"):
+    with refuses(match="stands for the logs without the load"):
         payload(case, logs[1], loaded, mass=1.0, centre=(0, 0, 0))
 
 
@@ -221,7 +223,7 @@ def test_all_logs_can_be_fitted(two_logs):
         found = verb(robot, logs, "none")
         assert [s.name for s in found.samples] == ["a", "b"]
         assert not found.validation
-    with pytest.raises(IdentifiabilityError, match="nothing is held out"):
+    with refuses(match="nothing is held out"):
         diagnose(robot, logs, "none")
 
 
@@ -263,14 +265,14 @@ def test_a_case_has_its_own_logs(two_logs):
         lambda: predict(case, result, logs),
     )
     for call in calls:
-        with pytest.raises(IdentifiabilityError, match="A case has its own"):
+        with refuses(match="A case has its own"):
             call()
 
 
 def test_a_case_and_bare_numbers_are_no_log(two_logs):
     robot, logs = two_logs
     for what, log in {"a Case": Case(robot, logs), "an array": np.eye(9)}.items():
-        with pytest.raises(IdentifiabilityError, match=f"not {what}"):
+        with refuses(match=f"not {what}"):
             compare(robot, logs[0], log)
-        with pytest.raises(IdentifiabilityError, match=f"not {what}"):
+        with refuses(match=f"not {what}"):
             predict(robot, analyze(robot, logs), log)

@@ -3,6 +3,7 @@
 import re
 import shutil
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -76,6 +77,10 @@ def frames(arm):
     return [servos.record(arm, TRUTH, c, s, how, rng) for c, s in zip(moves, seconds, strict=True)]
 
 
+judge = partial(analyze, quick=True)
+refuses = partial(pytest.raises, IdentifiabilityError)
+
+
 def rms(x, axis=None):
     return np.sqrt(np.mean(x**2, axis))
 
@@ -104,7 +109,7 @@ def test_servos_of_an_mjcf_are_its_position_actuators_behind_their_gears(tmp_pat
     ],
 )
 def test_servos_that_cannot_be_are_refused_in_one_sentence(tmp_path, text, said):
-    with pytest.raises(IdentifiabilityError, match=said) as error:
+    with refuses(match=said) as error:
         load_arm(tmp_path, text)
     assert "\n" not in str(error.value)
 
@@ -182,15 +187,21 @@ FAULTS = [
     ("irregular", {"lost": 0.05}, 1.0, 0.06),
     ("irregular", {"jitter": 0.04}, 1.0, 0.035),  # .037 by numbers of wrong times
     ("gains_scale", {}, 1.4, 0.06),
+    ("stale_commands", {"command_rate": 100.0}, 1.0, 0.06),
 ]
 
 
 @pytest.mark.parametrize(("key", "spoilt", "factor", "most"), FAULTS)
 def test_irregular_commands_and_gains_all_too_high_are_said(arm, key, spoilt, factor, most):
-    rng, how = default_rng(6), servos.Recorder(100.0, 25.0, **spoilt)
+    rng, how = default_rng(6), servos.Recorder(100.0, **{"command_rate": 25.0} | spoilt)
     frame = draw(arm, 8.0, 0.35, how, rng)
+    if key == "stale_commands":
+        commands = frame.filter(like=".cmd")
+        late = rng.random((800, 1)) < 0.1
+        frame[list(commands)] = np.where(late, commands.shift(fill_value=0.0), commands)
     result = analyze(replace(arm, servo=arm.servo.divided(1 / factor)), frame, quick=True)
-    assert [k for k in ("irregular", "gains_scale") if of_key(result.hints, k)] == [key] * bool(key)
+    said = [k for k in ("irregular", "gains_scale", "stale_commands") if of_key(result.hints, k)]
+    assert said == [key] * bool(key)
     assert result.chosen.error_ra < most  # .47 if late commands act as the others
     assert not of_key(result.hints, "late_commands")
     assert_allclose(result.robot.servo.kp, arm.servo.kp, rtol=0.15)
@@ -235,7 +246,7 @@ def test_a_limit_that_only_a_held_out_log_reaches_is_said(arm):
     rng, how = default_rng(6), servos.Recorder()
     limited = arm.servo.having({"limit": np.array([0.0, 40.0])})
     logs = [draw(arm, 6.0, x, how, rng, TRUTH, limited) for x in (0.2, 0.6)]
-    (said,) = of_key(analyze(arm, *logs, quick=True).hints, "held_out_limit")
+    (said,) = of_key(judge(arm, *logs).hints, "held_out_limit")
     assert "'elbow' gets about 39.5 N·m" in said
 
 
@@ -311,10 +322,10 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     own = replace(arm.servo, ki=2.0 * arm.servo.kp)
     logs = [draw(arm, 8.0, 0.35, how, rng, TRUTH, own) for _ in range(2)]
     robot = load_arm(tmp_path, re.sub("(?m)^kp = .*$", 'kp = "fit"\nki = "fit"', SIDECAR))
-    with pytest.raises(IdentifiabilityError, match="follow positions alone"):
+    with refuses(match="follow positions alone"):
         analyze(robot, logs[0].assign(**{"shoulder.dq_cmd": 0.0, "elbow.dq_cmd": 0.0}))
     machine = CommandedRobot(arm, TRUTH, own)
-    result = analyze(robot, logs[0], quick=True)
+    result = judge(robot, logs[0])
     found = result.robot.servo
     assert_allclose(found.ki / found.kp, 2.0, rtol=0.05)
     for joint, ki in zip(arm.joints, own.ki, strict=True):  # bodies tell the scale within 20 %
@@ -339,9 +350,9 @@ def test_drives_that_follow_speeds_are_fitted_rolled_out_and_exported(arm, tmp_p
     own = arm.servo.having({"kp": np.zeros(2), "kv": np.array([100.0, 25.0])})
     log, unseen = (draw(arm, s, 0.5, how, default_rng(3), TRUTH, own) for s in (8.0, 4.0))
     robot = load_arm(tmp_path, '[servo]\nkp = 0\nkv = {shoulder = 100, elbow = "fit"}\n')
-    with pytest.raises(IdentifiabilityError, match="no commanded speeds"):
+    with refuses(match="no commanded speeds"):
         analyze(robot, log.filter(regex="t|q$|[rw].cmd"))
-    result = analyze(robot, log, quick=True)
+    result = judge(robot, log)
     kv = result.robot.servo.kv
     assert_allclose(kv, own.kv, rtol=0.03)
     for name, (low, high) in result.to_frame(details=True).set_index("name").interval95.items():
@@ -426,7 +437,7 @@ def test_neither_stiff_drives_nor_friction_that_builds_up_hide_a_delay(tmp_path,
 
 
 def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, frames, tmp_path):
-    result = analyze(arm, frames[0], frames[1], quick=True)
+    result = judge(arm, frames[0], frames[1])
     (said,) = of_key(result.hints, "commands")
     assert "holds commands and no torque" in said
     told = {n.text: n.level for n in result.cautions()}
@@ -485,17 +496,17 @@ def test_every_verb_finds_the_delay_again_with_the_bodies_fitted(arm):
 
 
 def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, frames):
-    result = analyze(arm, frames[1], quick=True)
+    result = judge(arm, frames[1])
     assert result.settings["prior"] == 0.2
     assert [m.name for m in result.models] == ["full model"]  # offsets are never left out
     assert result.chosen.physical.cad_weight == pytest.approx(12.5)
-    assert analyze(arm, frames[1], quick=True, prior=0).settings["prior"] == 0.0
+    assert judge(arm, frames[1], prior=0).settings["prior"] == 0.0
     # A delay that is known to some microseconds leaves damping open by kp times as much.
     late = dict(zip(result.structure.base.names, np.abs(result.late[0]), strict=True))
     unsure = fit_rollouts(arm, [read(arm, frames[1])], file_shares(arm)).delay_errors[0]
     assert 1e-6 < unsure < 2e-4
     assert_allclose(late["shoulder.Fv"], 1200 * unsure, rtol=0.5)
-    with pytest.raises(IdentifiabilityError, match="set the same weight"):
+    with refuses(match="set the same weight"):
         analyze(arm, frames[1], prior=0.1, cad_prior=1.0)
 
 
@@ -553,7 +564,7 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
     assert near.sd[own] == pytest.approx(wide.sd[own] / 20, rel=1e-6)
     assert (near.mean[of], near.sd[of]) == pytest.approx((3.0, 0.01), rel=0.01)
     (tmp_path / "arm.toml").write_text("[prior_share]\nnone = 0.1\n")
-    with pytest.raises(IdentifiabilityError, match="prior_share"):
+    with refuses(match="prior_share"):
         Robot.load(tmp_path / "arm.urdf")
 
 
@@ -589,15 +600,15 @@ def test_a_log_that_contradicts_the_files_bodies_says_so():
 
 def test_a_stated_delay_that_is_too_short_is_said_with_its_remedy(frames, tmp_path):
     arm = load_arm(tmp_path, SIDECAR + "delay = 0\n")
-    said = analyze(arm, frames[0], quick=True).statement
+    said = judge(arm, frames[0]).statement
     assert "later than the sidecar states: shoulder +" in said
     assert 'delay = "auto" below [servo]' in said
 
 
 def test_gains_that_contradict_the_motion_are_refused(arm, frames):
     other = replace(arm, servo=arm.servo.divided(100.0))
-    with pytest.raises(IdentifiabilityError, match=r"contradict the motion.*errs by"):
-        analyze(other, frames[1], quick=True)
+    with refuses(match=r"contradict the motion.*errs by"):
+        judge(other, frames[1])
     assert not are_contradicted(np.array([0.1, 1.2]))
 
 
@@ -614,7 +625,7 @@ def unstated(arm, tmp_path_factory):
 def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale(
     arm, unstated, frames, tmp_path
 ):
-    with pytest.raises(IdentifiabilityError, match="to be found from logs of commands"):
+    with refuses(match="to be found from logs of commands"):
         move(unstated, frames[1])
     log = read(arm, frames[0])
     shares, done = file_shares(unstated), []
@@ -646,7 +657,7 @@ def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(
     robot = arm if stated else unstated
     found = fit_rollouts(robot, [log], file_shares(robot), 0.02)
     assert not found.missed[1]
-    fit = analyze(robot, log, quick=True)
+    fit = judge(robot, log)
     assert fit.recordings.fitted[0].unmeasured[:, 1].all()
     done = export(robot, fit, tmp_path / "arm.xml", force=True)
     assert "armature 0.02 (the file's, as no command moves" in done.joints[1]
@@ -667,12 +678,12 @@ def test_times_of_commands_are_refuted_unless_most_joints_err_less(arm, frames, 
         return replace(log, arrivals=log.commands_since + 0.2 * np.sin(log.t**2)), 0.5
 
     monkeypatch.setattr("identifiability.servos.follow.move_commands", scatter)
-    (fitted,) = analyze(arm, frames[0], quick=True, replicates=0).recordings.fitted
+    (fitted,) = judge(arm, frames[0], replicates=0).recordings.fitted
     assert fitted.arrivals is None
 
 
 def test_gains_of_the_fitted_logs_alone_are_said_with_their_errors(unstated, frames, tmp_path):
-    result = analyze(unstated, frames, quick=True)
+    result = judge(unstated, frames)
     assert len(result.recordings.rolled.delays) == len(result.recordings.fitted) == 1
     _, line = export(unstated, result, tmp_path / "fitted.xml").joints
     for said in (line, result.answers()[0].more):
@@ -732,7 +743,7 @@ def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(ar
     spoilt = frames[1].assign(**{"elbow.cmd": shuffled if kind == "shuffled" else np.nan})
     if kind == "absent":
         spoilt = spoilt.drop(columns="elbow.cmd")
-    result = analyze(arm, spoilt, quick=True)
+    result = judge(arm, spoilt)
     for told in (result, inspect(arm, spoilt)):
         (said,) = of_key(told.hints, "apart")
         assert "elbow does not follow its command, or has none. Its torque is left out" in said
@@ -763,14 +774,14 @@ def test_a_log_in_which_no_joint_follows_is_refused_with_the_reason(arm, frames,
     columns = [f"{joint}.cmd" for joint in arm.joints]
     spoilt = frames[1].copy()
     spoilt[columns] = spoil(spoilt[columns].to_numpy())
-    with pytest.raises(IdentifiabilityError, match=f"do not follow their commands.*{said}"):
-        analyze(arm, spoilt, quick=True)
+    with refuses(match=f"do not follow their commands.*{said}"):
+        judge(arm, spoilt)
 
 
 def test_one_joint_in_percent_is_refused_with_the_remedy(arm, frames):
     percent = {column: 50.0 * frames[1][column] for column in ("elbow.q", "elbow.cmd")}
-    with pytest.raises(IdentifiabilityError, match=r"'elbow\.q' spans .* elbow = \{scale"):
-        analyze(arm, frames[1].assign(**percent), quick=True)
+    with refuses(match=r"'elbow\.q' spans .* elbow = \{scale"):
+        judge(arm, frames[1].assign(**percent))
 
 
 def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, tmp_path):
@@ -788,7 +799,7 @@ def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, tmp_path):
 
 
 def test_positions_need_joints_alike_and_servos_for_commands(arm, frames):
-    with pytest.raises(IdentifiabilityError, match=r'nothing states the gains.*kp = "fit"'):
+    with refuses(match=r'nothing states the gains.*kp = "fit"'):
         move("two-link", frames[1])
-    with pytest.raises(IdentifiabilityError, match="the same joints"):
+    with refuses(match="the same joints"):
         predict(arm, Robot.load("quadruped"), frames[1], forward=True)

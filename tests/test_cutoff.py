@@ -1,11 +1,14 @@
 """The cut-off decides what noise is fitted: one that does not suit a log is said."""
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
 from identifiability import IdentifiabilityError, Noise, Preparation, analyze, diagnose, prune
 from identifiability.foundation.findings import of_key
+
+judge = partial(analyze, "two-link", replicates=0)
 
 
 @pytest.fixture(scope="module")
@@ -25,16 +28,16 @@ def about_cutoff(result):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_good_cut_off_gives_no_hint(positions, seed):
-    assert about_cutoff(analyze("two-link", positions(2e-5, seed), replicates=100)) == []
+    assert about_cutoff(judge(positions(2e-5, seed), replicates=100)) == []
 
 
 def test_logs_have_one_cut_off_that_the_fitted_ones_decide(positions):
     slow = positions(2e-5)
     fast = replace(positions(2e-5, 1), t=slow.t / 3, name="fast")
-    both = analyze("two-link", [slow, fast], "none", replicates=0)
+    both = judge([slow, fast], "none")
     # A fifth of the slower rate: ten times the band of the fast one would be 24 Hz.
     assert [s.band for s in both.samples] == pytest.approx([20, 20], rel=0.01)
-    held = analyze("two-link", fast, slow, replicates=0)
+    held = judge(fast, slow)
     assert held.validation[0].band == held.samples[0].band == pytest.approx(24, rel=0.01)
     # The motion of each up to a fifth of its own rate, but where torque is kept at least.
     assert held.validation[0].cutoff == pytest.approx(24, rel=0.01)
@@ -46,15 +49,15 @@ def test_logs_have_one_cut_off_that_the_fitted_ones_decide(positions):
 def test_a_cut_off_that_was_set_is_compared_with_the_best_one(positions, encoder, cutoff):
     """A low one takes part of the motion; a high one lets noise of a coarse encoder through."""
     log = positions(encoder)
-    found = analyze("two-link", log, preparation=Preparation(cutoff=cutoff), replicates=0)
+    found = judge(log, preparation=Preparation(cutoff=cutoff))
     (said,) = of_key(found.hints, "cutoff_set")
     assert said.numbers["error"] < said.numbers["given"]
-    chosen = analyze("two-link", log, replicates=0)
+    chosen = judge(log)
     better = f"{chosen.samples[0].cutoff:.3g} Hz"
     assert f"Set it to {better} (--set cutoff={better.removesuffix(' Hz')})" in said
     # The advice takes its own: nothing better is known then.
     how = Preparation(cutoff=said.numbers["better"])
-    assert about_cutoff(analyze("two-link", log, preparation=how, replicates=0)) == []
+    assert about_cutoff(judge(log, preparation=how)) == []
 
 
 def test_names_found_in_a_band_that_was_set_too_wide_are_doubted(positions):
@@ -95,8 +98,8 @@ def test_a_slower_held_out_log_is_judged_in_its_own_band(verb, cutoff, positions
 
 
 def test_the_log_held_out_moves_no_fitted_value(positions, slow):
-    alone = analyze("two-link", positions(2e-5), "none", replicates=0)
-    judged = analyze("two-link", positions(2e-5), slow, replicates=0)
+    alone = judge(positions(2e-5), "none")
+    judged = judge(positions(2e-5), slow)
     assert [s.cutoff for s in judged.samples] == [s.cutoff for s in alone.samples]
     pairs = zip(judged.models, alone.models, strict=True)
     assert all((a.estimate.value == b.estimate.value).all() for a, b in pairs)
@@ -112,4 +115,4 @@ def test_a_fitted_log_that_cannot_have_the_cut_off_is_refused(positions, slow):
     with pytest.raises(
         IdentifiabilityError, match=r"cut-off 12 Hz does not lie between .* \(2 Hz\)"
     ):
-        analyze("two-link", [positions(2e-5), slow], "none", preparation=Preparation(cutoff=12))
+        judge([positions(2e-5), slow], "none", preparation=Preparation(cutoff=12))

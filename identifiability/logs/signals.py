@@ -51,17 +51,30 @@ def held_since(t: Array, changes: Array) -> Array:
     # A row sees a value late by up to a row, so two successive values may seem far apart.
     usual = apart[apart <= np.median(apart) + dt + uneven].mean()
     for _ in range(3):  # with lost values the usual step is too long to count those of a long pause
-        is_next = apart <= usual + dt + uneven
+        # A hundredth of a row is the error of the step.
+        is_next = apart <= usual + 1.01 * dt + uneven
         counts = np.where(is_next, 1.0, np.rint(apart / usual))
         number = np.append(0.0, np.cumsum(counts))
-        usual, first = np.polyfit(number, seen, 1)
-    behind = seen - usual * number - first
+        usual = np.polyfit(number, seen, 1)[0]
+    behind = seen - usual * number
+    if np.ptp(behind) > dt + uneven:
+        # The strip about the line is narrowest for a clock that rows share.
+        drift = usual * number / number[-1]
+        behind -= drift * _flatten(behind, drift)
     behind -= behind.min()
     out = t.copy()
     if usual > dt + uneven >= behind.max():
         waited = np.where(behind > uneven, behind, 0.0)
         out[rows] = np.maximum(seen - waited, t[rows - 1])
     return out
+
+
+def _flatten(x: Array, drift: Array) -> float:
+    """Return the multiple of a drift (m,), up to once, without which x (m,) has the least range."""
+    least = scipy.optimize.minimize_scalar(
+        lambda by: np.ptp(x - by * drift), bounds=(-1, 1), options={"xatol": ROUNDOFF}
+    )
+    return float(least.x)
 
 
 def has_gap(t: Array) -> Array:

@@ -1,7 +1,7 @@
 """Correct logs when they are read, in the order of the registry, and report it.
 
 The corrections concern stuck torque and repeated rows in motion, wrapped angles, outlying samples,
-commands without torque, and derivatives of another motion.
+stale commands, commands without torque, and derivatives of another motion.
 """
 
 from __future__ import annotations
@@ -18,12 +18,14 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import rms_of
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
+from identifiability.logs.checks import COMMANDS
 from identifiability.logs.commands import find_exchanged, of_commands, state_exchanged
 from identifiability.logs.contradictions import Contradiction, contradictions
 from identifiability.logs.rows import find_range
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import cubic, sampling_step
 from identifiability.logs.spikes import Spike, Wraps, find_wraps, mend_column
+from identifiability.logs.stale import restore_values
 from identifiability.robot.floating import BASE_JOINTS
 
 from .registry import Does, Mended, RawLogs, check, mend_each
@@ -261,7 +263,21 @@ def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
     )
 
 
-# Commands without torque, and derivatives of another motion.
+# Commands in rows of another time, commands without torque, and derivatives of another motion.
+
+
+@mend_each("stale_commands")
+def restore_commands(log: Log) -> tuple[Log, list[Finding]]:
+    """Return a log whose commands stand in the rows at whose times they arrive."""
+    kinds = [kind for kind in log.channels if kind in COMMANDS]
+    if not log.commanded or log.long:
+        return log, []
+    values, rows = restore_values(np.hstack([getattr(log, kind) for kind in kinds]))
+    if not rows:
+        return log, []
+    columns: Any = zip(kinds, np.hsplit(values, len(kinds)), strict=True)
+    restored = replace(log, **dict(columns))
+    return restored, [Finding("stale_commands", log.name, rows=rows, all=len(log))]
 
 
 @check("commands", Does.MENDS)

@@ -71,14 +71,11 @@ def readers():
     two = Robot.load("two-link")
     structure = Structure.of(two, ladder_model(default_ladder(two)))
     frame = simulate(two, PrescribedMotion.of(shipped_trajectory(two, "a"), 30)).to_frame()
-    parquet = io.BytesIO()
-    frame.to_parquet(parquet)
     values = {k: float(v) for k, v in two.nominal.items()}
     physical = {"parameters": values, "error_ra": 0.05, "error_ra_file": 0.06}
     result = {"robot": {"name": two.name}, "physical": physical}
     sidecar = locate_robot("five-bar").with_suffix(".toml").read_bytes()
     motions = (locate_robot("two-link").parent / "trajectories.json").read_bytes()
-    mjcf, urdf = (locate_robot(r).read_bytes() for r in ("five-bar", "six-dof-arm"))
 
     known = Conventions.of(two)
 
@@ -99,7 +96,8 @@ def readers():
         spoilt = st.one_of(spoil_bytes(good, tokens), spoil_document(parse(good.decode()), dump))
         return Reader(suffix, good, spoilt, read)
 
-    def markup(suffix, good):
+    def markup(suffix, name):
+        good = locate_robot(name).read_bytes()
         return Reader(suffix, good, st.one_of(spoil_xml(good), spoil_bytes(good, XML)), Robot.load)
 
     def table(suffix, good, tokens):
@@ -111,11 +109,9 @@ def readers():
     matlab = io.BytesIO()
     np.savez(zipped, **held)
     savemat(matlab, {"run": held})
-    text = frame.to_csv(index=False).encode()
-    packed = parquet.getvalue()
     return {
-        "csv": table(".csv", text, TABLE),
-        "parquet": table(".parquet", packed, [b"PAR1", b"\0" * 8]),
+        "csv": table(".csv", frame.to_csv(index=False).encode(), TABLE),
+        "parquet": table(".parquet", frame.to_parquet(), [b"PAR1", b"\0" * 8]),
         "npz": table(".npz", zipped.getvalue(), [b"PK"]),
         "mat": table(".mat", matlab.getvalue(), [b"miM"]),
         "ladder": document(".toml", LADDER.encode(), TOML, ladder),
@@ -127,8 +123,8 @@ def readers():
             lambda p: export(two, p, p.with_name("exported.xml")),
         ),
         "trajectories": document(".json", motions, JSON, motion),
-        "mjcf": markup(".xml", mjcf),
-        "urdf": markup(".urdf", urdf),
+        "mjcf": markup(".xml", "five-bar"),
+        "urdf": markup(".urdf", "six-dof-arm"),
     }
 
 
