@@ -34,7 +34,8 @@ def restore_values(values: Array) -> tuple[Array, int]:
     weights = np.geomspace(10, 0.01, 10)
     before = np.append(row[:-1] - 1, len(x))
     starts = ([row], [before], [row, before])
-    ends = [_find_stale(x, repeats, start, weights) for start in starts]
+    # Fast motion needs a search that begins less smooth.
+    ends = [_find_stale(x, repeats, start, weights[k:]) for start in starts for k in (0, 3)]
     roughness, is_stale, smooth = min(ends, key=itemgetter(0))
     period = apart[apart <= 2].mean()
     slower = _smooth(x, np.cumsum(~repeats), weights[-1] / period**5)[1] / period**2
