@@ -424,19 +424,20 @@ def compare_models(entry: LadderEntry | None, structure: Structure) -> tuple[Sub
 
 def _build_submodel(item: ModelEntry, start: Submodel, structure: Structure) -> Submodel:
     submodel = replace(start, name=item.name, description=item.description)
-    zero = _find_columns(submodel, item.zero, item.name, structure.columns)
+    base = structure.base
+    zero = _find_columns(submodel, item.zero, item.name, base, structure.columns)
     hold: dict[str, float | Literal["nominal"]] = {}
     for text in sorted(item.hold, key=specificity):  # a name says more
-        hold |= dict.fromkeys(_find_columns(submodel, [text], item.name), item.hold[text])
+        hold |= dict.fromkeys(_find_columns(submodel, [text], item.name, base), item.hold[text])
     fixed = submodel.fixed.copy()
     for name, value in hold.items():
         column = submodel.M[:, submodel.columns.index(name)]
-        row = structure.base.names.index(name)
+        row = base.names.index(name)
         at = structure.nominal_base[row] if value == "nominal" else value
         fixed += column * at
     submodel = replace(submodel, fixed=fixed).without([*zero, *hold])
     for name, texts in item.tie.items():
-        members = _find_columns(submodel, texts, item.name)
+        members = _find_columns(submodel, texts, item.name, base)
         if len(set(members)) < 2 or (name in submodel.columns and name not in members):
             raise ModelError(
                 f"The model '{item.name}' ties '{name}' = {members}; give two or more different "
@@ -450,13 +451,17 @@ def _build_submodel(item: ModelEntry, start: Submodel, structure: Structure) -> 
             )
         submodel = submodel.tied(name, members)
     if item.keep is not None:
-        kept = set(_find_columns(submodel, item.keep, item.name))
+        kept = set(_find_columns(submodel, item.keep, item.name, base))
         submodel = submodel.without([c for c in submodel.columns if c not in kept])
     return submodel
 
 
 def _find_columns(
-    submodel: Submodel, texts: Sequence[str], where: str, grouped: Sequence[str] = ()
+    submodel: Submodel,
+    texts: Sequence[str],
+    where: str,
+    base: BaseParameters,
+    grouped: Sequence[str] = (),
 ) -> list[str]:
     """Return the parameters that names and patterns match, each once.
 
@@ -468,9 +473,11 @@ def _find_columns(
         named = find_named(name, submodel.columns)
         found |= dict.fromkeys(named)
         if not (named or (is_pattern(name) and find_named(name, grouped))):
+            absence = base.explain_absence(name)
+            reason = f": {absence}" if absence else near_match(name, submodel.columns)
             raise ModelError(
-                f"The model '{where}' names the parameter '{name}', which is not there"
-                f"{near_match(name, submodel.columns)} It has {listing(submodel.columns)}."
+                f"The model '{where}' names the parameter '{name}', which is not there{reason} "
+                f"It has {listing(submodel.columns)}."
             )
     return [*found]
 

@@ -17,6 +17,7 @@ BAD = {
         "did you mean 'elbow.Fv'?",
         "It has link1.Iyy",
     ),
+    "part of another": (FIRST + 'hold = {"link2.m" = 1}', "in combination, as part of link1.Iyy"),
     "unknown model": (
         '[[models]]\nname = "Model 1"\n' + SECOND + 'from = "Modle 1"',
         "The model 'b' starts from 'Modle 1', which does not stand before it",
