@@ -90,10 +90,14 @@ def test_what_cannot_be_is_refused(made):
         payload(robot, empty, loaded, centre=(0.0, 0.0, 0.1))
 
 
-def test_what_a_delta_carries_needs_no_centre():
-    robot = Robot.load("delta")
+@pytest.mark.parametrize(
+    ("model", "load", "wrong"),
+    [("delta", {}, "excite"), ("differential-wrist", {"centre": (0, 0, 0.1)}, "move these joints")],
+)
+def test_a_delta_needs_no_centre_and_coupled_motors_no_other_motion(model, load, wrong):
+    robot = Robot.load(model)
     log = simulate(robot, find_motion(robot, "random", 900, np.random.default_rng(0))).to_frame()
-    assert "excite" not in payload(robot, log[:450], log[450:], mass=2.0).details
+    assert wrong not in payload(robot, log[:450], log[450:], mass=2.0, **load).details
 
 
 def test_the_command_prints_what_the_sidecar_needs(made, succeeds, tmp_path):

@@ -420,7 +420,8 @@ def _state_gain(robot: Robot, joint: str, inverse: float, sd: float) -> Quantity
     why = "" if sure else phrase("untold", "load")
     if not column:
         why = phrase("untold", "motors")
-    unit = robot.torque_units[robot.joints.index(joint)]
+    turns = column not in ("", joint) or robot.torque.at("ratio", joint)  # as motors do
+    unit = "N·m" if turns else robot.torque_units[robot.joints.index(joint)]
     return Quantity(column or joint, unit, 1.0 / inverse, low, high, why)
 
 

@@ -255,7 +255,11 @@ def _answer_trust(result: Load) -> Answer:
 
 def _answer_gains(result: Load) -> Answer:
     """Return the gain of each torque column."""
-    unknown = [g.name for g in result.gains if not g.told]
-    text = sentence("payload.how", "untold", joints=unknown) if unknown else ""
+    unknown = {g.name: g.why for g in result.gains if not g.told}
+    parts = []
+    for part in ("load", "motors"):
+        joints = [name for name, why in unknown.items() if why == phrase("untold", part)]
+        parts += [sentence("payload.how", f"no_{part}", joints=joints)] if joints else []
+    text = join_sentences(*parts)
     tone = "amber" if unknown else "green"
     return Answer(sentence("payload.unit", "question"), result.answer, text, tone)
