@@ -11,6 +11,7 @@ import numpy as np
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import toml_key
 from identifiability.foundation.rules import Tolerance
@@ -28,7 +29,8 @@ from .rollouts import KINDS, Rollouts
 from .torque import servo_log
 
 #: Share of the squared errors that a number must explain to first order to be fitted. The fit must
-#: explain half of them. Of drawn robots, right numbers explained 9 % or more to first order.
+#: explain half of those beyond recording. Of drawn robots, right numbers explained 9 % or more to
+#: first order.
 PROMISING: Tolerance = 0.05
 
 #: Shares of the time in which the torque exceeds the limits that start a fit.
@@ -78,9 +80,9 @@ def find_odd_joints(
 
     Only that part of a number's effect counts that no fitted number explains. The three likeliest
     numbers of each joint are fitted, one at a time; integral gains of all joints of a tree are one.
-    They are reported if they explain more than half of the weighted squares of their joint. The
-    best one is used unless it is play, which no robot file can hold. Where errors are as small as
-    those of recording, only a gain is fitted.
+    They are reported if they explain more than half of the weighted squares of their joint that
+    recording does not. The best one is used unless it is play, which no robot file can hold. Where
+    errors are as small as those of recording, only a gain is fitted.
 
     Parameters
     ----------
@@ -187,13 +189,18 @@ def _explain_tree(
     """
     joints = problem.trees == tree
     squares = _sum_squares(problem, end, end)
-    for likeliest in _list_likeliest(problem, joints, screening.gain, squares):
+    # No number explains the errors of recording.
+    possible = np.maximum(errors**2, screening.recording**2)
+    excess = squares * (1 - screening.recording**2 / or_one(possible))
+    least = PROMISING * squares[joints].sum()
+    for likeliest in _list_likeliest(problem, joints, screening.gain, excess, least):
         own = np.unique(likeliest[0] % len(joints))
         # A joint whose command stands has no errors, but may move the others.
         judged = own if errors[own].any() else np.flatnonzero(joints)
         if not _exceed(errors, screening.recording)[judged].any():
             continue
-        kept = _explain_joints(problem, end, likeliest, screening, judged)
+        most = 1 - 0.5 * excess[judged].sum() / squares[judged].sum()
+        kept = _explain_joints(problem, end, likeliest, screening, judged, most)
         if not kept:
             continue
         best = kept[0]
@@ -216,21 +223,21 @@ def _sum_squares(problem: RolloutProblem, weighing: SearchEnd, end: SearchEnd) -
 
 
 def _list_likeliest(
-    problem: RolloutProblem, joints: np.ndarray, gain: Array, squares: Array
+    problem: RolloutProblem, joints: np.ndarray, gain: Array, excess: Array, least: float
 ) -> list[list[np.ndarray]]:
     """Return the likeliest numbers of each joint of a tree, (n,) bool, and integrals of all.
 
-    Numbers that would explain too little of the weighted squares, by joint (n,), are left out.
+    Numbers that would explain less than some weighted squares are left out, unless it is half of
+    the excess (n,) of their joint over recording.
     Those that would explain most come first: numbers of a joint, and joints.
     """
     count = len(joints)
-    of_tree = PROMISING * squares[joints].sum()
 
     def promises(numbers: np.ndarray) -> bool:
         # A number that explains half of its own joint is promising whatever the others miss.
-        of_joints = 0.5 * squares[numbers % count].sum()
+        of_joints = 0.5 * excess[numbers % count].sum()
         promised: float = gain[numbers].sum()
-        return promised > max(BEGUN, min(of_tree, of_joints))
+        return promised > max(BEGUN, min(least, of_joints))
 
     at_ki = problem.at("ki")
     integral = at_ki[joints & (gain[at_ki] > 0)]
@@ -251,10 +258,11 @@ def _explain_joints(
     likeliest: Sequence[np.ndarray],
     screening: Screening,
     joints: np.ndarray,
+    most: float,
 ) -> list[Explanation]:
     """Return the numbers that explain the errors of some joints, (k,) int, best first.
 
-    Each leaves less than half of the weighted squares, and about as little as the best one.
+    Each leaves less than a share of the weighted squares, and about as little as the best one.
     """
     gain = screening.gain
     is_lost = bool((problem.missed(end.q)[joints] > RULES.rollout_contradicted).any())
@@ -262,15 +270,14 @@ def _explain_joints(
     for numbers in likeliest:
         # A far less likely number is tried only where the best one explains too little.
         unlikely = gain[numbers].sum() < 0.5 * gain[likeliest[0]].sum()
-        if tried and tried[0].share < 0.5 and unlikely:
+        if tried and tried[0].share < most and unlikely:
             break
         # The torque that a lost joint seems to need is far above its limit.
         is_far = is_lost and _kind(problem, numbers) == "limit"
         starts = np.outer((1.0, 0.7, 0.5) if is_far else (1.0,), screening.start[numbers])
         fits = [_fit_from(problem, end, numbers, start, joints) for start in starts]
         tried = sorted([*tried, min(fits, key=itemgetter(0))], key=itemgetter(0))
-    # Less than half is left, and about as little as the best explanation leaves.
-    kept = [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
+    kept = [x for x in tried if x.share < min(most, 1.1 * tried[0].share)]
     return [_finish_search(problem, explanation) for explanation in kept]
 
 
