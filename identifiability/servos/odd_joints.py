@@ -277,6 +277,7 @@ def _explain_joints(
         starts = np.outer((1.0, 0.7, 0.5) if is_far else (1.0,), screening.start[numbers])
         fits = [_fit_from(problem, end, numbers, start, joints) for start in starts]
         tried = sorted([*tried, min(fits, key=itemgetter(0))], key=itemgetter(0))
+    # About as little is left as the best explanation leaves.
     kept = [x for x in tried if x.share < min(most, 1.1 * tried[0].share)]
     return [_finish_search(problem, explanation) for explanation in kept]
 
