@@ -219,6 +219,13 @@ def both_motions(name, scale=1.0, *, samples):
     return Campaign.of(robot, wider)
 
 
+def cell(frame, row, column, value):
+    """The table with one cell replaced, row counted from 1 as in the sentences."""
+    frame = frame.astype(object)
+    frame.loc[row - 1, column] = value
+    return frame
+
+
 @pytest.fixture
 def noisy_log():
     return simulated_log("3-rps", "601")

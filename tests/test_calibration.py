@@ -85,8 +85,7 @@ def test_the_command_writes_a_report(simulated_session, succeeds, tmp_path):
     assert "repetitions with known values (without torque offset)." in said
     assert "of the parameters called identifiable are off by more than half." in said
     assert "of its intervals hold the truth." in said
-    html = report.read_text().replace("\u00a0", " ")
-    assert "Coverage of every parameter" in html
+    assert "Coverage of every parameter" in report.read_text().replace("\u00a0", " ")
     (cell,) = json.loads(data.read_text())["cells"]
     assert min(e["coverage"] for e in cell["each"]) <= cell["coverage_robust"]
 

@@ -9,6 +9,7 @@ import pytest
 from identifiability import Robot, analyze, new_study
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.rounding import format_measured
+from identifiability.regression.reduction import USUAL_EFFECTS, LadderEntry, ModelEntry
 from identifiability.report.values_table import joint_values, offset_table
 from identifiability.workflows import case
 from identifiability.workflows.analyze import judge
@@ -42,7 +43,7 @@ def test_an_interval_holds_what_was_planted_wherever_a_sign_is_certain(found):
 def test_a_mass_that_an_offset_of_its_slider_could_be_is_identifiable_without_it(found):
     reasons = {v.name: v.reason for v in found.chosen.verdicts}
     assert "if slider3 has no torque offset" in reasons["leg3_upper.m"]
-    said = "an offset of slider3 from the combination with leg3_upper.m"
+    said = "an offset of slider3 looks like the combination with leg3_upper.m"
     assert said in of_key(found.hints, "excluded_offsets")[0]
     assert "torque_offset" in found.next()[0][1] or found.missing.functions
     assert "combination with leg3_upper.m" in [row[0].text for row in offset_table(found).rows]
@@ -68,7 +69,7 @@ def test_an_offset_of_the_model_needs_no_second_one(monkeypatch):
 
 def test_one_value_has_one_error_and_a_reason_where_exports_get_another(found, tmp_path):
     report = found.write_report(tmp_path / "report.html").read_text()
-    assert report.count("an offset of slider3 from") == 1
+    assert report.count("an offset of slider3 looks like") == 1
     rows = found.to_dict()["parameters"]
     (page,) = (t for t in found.tables() if t.long)
     pairs = list(zip(found.chosen.verdicts, rows, strict=True))
@@ -79,3 +80,18 @@ def test_one_value_has_one_error_and_a_reason_where_exports_get_another(found, t
         assert (shown[1].text, shown[2].text) == (value, f"± {error}")
         if v.name in SLIDERS:
             assert f"{value}\xa0{v.unit} ±\xa0{error}" in report
+
+
+def test_a_value_that_is_known_in_a_sum_alone_is_no_value_of_one_parameter(simulated):
+    effects = [*USUAL_EFFECTS, "coulomb_asymmetry@elbow+lift", "torque_offset@lift"]
+    ladder = LadderEntry(models=[ModelEntry(name="M", effects=effects)])
+    log = simulated("scara", "a", samples=1000)
+    found = analyze("scara", log, "none", ladder, quick=True, profile=["flange.m"])
+    rotor = joint_values(found, "").rows[2][-1]
+    assert (rotor.text, rotor.note) == ("–", "only in combination with lift.off")
+    assert "combination with m(spindle)" in found["flange.m"].reason
+    assert "combinations of parameters" in found.answers()[0].text
+    low, high = found.profiles[0].region
+    assert low < found.robot.nominal["flange.m"] < high
+    levels = [name for name in found.base.names if ".Fc" in name]
+    assert levels[1:] == ["lift.Fc", "spin.Fc", "nut.Fc", "elbow.Fc+", "elbow.Fc-"]

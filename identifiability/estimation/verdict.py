@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from enum import StrEnum
@@ -37,6 +38,17 @@ class Flag(StrEnum):
     BY_PRIOR = "by the prior"
     NOT_JUDGED = "not judged"
     STRUCTURAL = "structural"
+
+
+def other_terms(label: str) -> list[str]:
+    """Return the other members of a combination; none for a parameter alone, or equal ones.
+
+    Examples
+    --------
+    >>> other_terms("Ia(z) − 0.1019·off(z)"), other_terms("Fc+(x) = Fc-(x)")
+    (['off(z)'], [])
+    """
+    return re.split(r"(?<=\)) [+−] (?:[-+.e\d]+·)?", label)[1:]
 
 
 @frozen
@@ -91,6 +103,16 @@ class Verdict:
     def word(self) -> str:
         """The verdict with its flags."""
         return ", ".join((self.verdict, *self.flags))
+
+    @property
+    def place(self) -> str:
+        """The body, joint or motor that it belongs to."""
+        return self.name.rpartition(".")[0]
+
+    @property
+    def others(self) -> list[str]:
+        """The other members of the combination that the value is of."""
+        return other_terms(self.label)
 
     @property
     def look(self) -> str:
@@ -261,6 +283,8 @@ def judge(
             ruling = Ruling(Class.NOT_IDENTIFIABLE, (Flag.IN_DOUBT,), reason, alone.percent)
         own_terms = {term: float(own[k]) for term, own in terms.items()}
         remark = _remark(fit, k, ruling, float(robust[k]))
+        if ruling.kind is not Class.NOT_IDENTIFIABLE and (others := other_terms(labels[k])):
+            remark = f" {phrase('verdict', 'combined', others=others)}{remark}"
         verdict = Verdict(
             name=e.columns[k],
             label=labels[k],

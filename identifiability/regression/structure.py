@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from scipy.linalg import null_space
 
-from identifiability.effects import FAMILIES
+from identifiability.effects import FAMILIES, Effect
+from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction
 from identifiability.effects.measurement import ClockError, TimeDelay, TorqueOffset
 from identifiability.effects.springs import GravitySpring
 from identifiability.foundation.errors import ModelError
@@ -273,6 +274,28 @@ def refuse_twice(parameters: Sequence[Parameter], model: Model) -> None:
         )
 
 
+def separate_directions(robot: Robot, model: Model) -> Model:
+    """Return a model that states Coulomb friction once where it differs by direction.
+
+    There each direction has a level; with a torque offset one level is enough, as the offset is
+    half their difference.
+    """
+    places = {e.name: [p.owner for p in e.parameters(robot)] for e in model.effects}
+    plain, split = (effect.name for effect in (CoulombFriction, CoulombAsymmetry))
+    twice = {*places.get(plain, ())} & {*places.get(split, ())}
+    if not twice:
+        return model
+    shifted = twice.intersection(places.get(TorqueOffset.name, ()))
+    left_out = {plain: twice - shifted, split: shifted}
+    effects: list[Effect] = []
+    for effect in model.effects:
+        lost = left_out.get(effect.name, set())
+        kept = dict.fromkeys(place for place in places[effect.name] if place not in lost)
+        rest = Model.of(f"{effect.name}@{'+'.join(kept)}").effects if kept else ()
+        effects += rest if lost else [effect]
+    return replace(model, effects=tuple(effects))
+
+
 def sense_joints(robot: Robot) -> Robot:
     """Return a robot as if torque was measured at its joints, with rotors and friction."""
     torque = robot.torque.model_copy(update={"side": "joint"})
@@ -323,6 +346,7 @@ class Structure:
         If the model states where gravity points, the robot is turned accordingly.
         """
         robot = model.turn(robot)
+        model = separate_directions(robot, model)
         return Structure(robot, model, find_base_parameters(robot, model))
 
     @property

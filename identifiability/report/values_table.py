@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from identifiability.robot.servo import list_gains
 from identifiability.workflows.analyze.result import Laddered
 
 from .answers.analyze import label_note
-from .answers.common import JOINT_KINDS, sentence
+from .answers.common import JOINT_KINDS, kind_columns, sentence
 from .answers.tables import make_table
 
 
@@ -37,8 +38,6 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     masses = {row["body"]: row for row in mass_rows(robot, known)}
     if not kinds:
         return None
-    rotor = "screw" if {*robot.torque_units} == {"N"} else "rotor"
-    names = [k if k in JOINT_KINDS else rotor for k in kinds]
     moved = zip(robot.bodies, robot.links, strict=True)
     bodies = {dof: body for body, link in moved for dof in robot.tree.joints[link.last].dofs}
     motors = [a.name for a in robot.axes if a.name not in robot.joints]
@@ -49,8 +48,7 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     weights = [rows_of.show_mass(masses.get(bodies.get(place, ""))) for place in places]
     # A column without a value is one sentence.
     weighed = any(cell.text != "–" for cell in weights)
-    titles = [sentence("values", name) for name in (*(["m"] if weighed else []), *names)]
-    columns = [Column(sentence("values", "joint")), *(Column(t, "badge") for t in titles)]
+    columns = kind_columns(robot, ["m"] * weighed + kinds)
     gains = [", ".join(list_gains(servo, place)) for place in places]
     columns += [Column(sentence("values", "gains"))] * any(gains)
     rows = []
@@ -119,7 +117,7 @@ class _ModelRows:
 
     def show(self, name: str) -> Cell:
         """Return the value of a parameter, its error and verdict; the file's and the used value."""
-        if name not in self.known:
+        if name not in self.known or self.known[name][0].others:
             return Cell("–", np.nan, self._explain_absence(name))
         verdict, used, why = self.known[name]
         sigma = verdict.sigma_label
@@ -154,21 +152,18 @@ class _ModelRows:
         """Return the mass of a body; only that of the file where others are added to it."""
         if row is None:
             return Cell("–", np.nan)
-        name = f"{row['body']}.m"
-        if name in self.known and " " not in self.known[name][0].label:
-            return self.show(name)
+        cell = self.show(f"{row['body']}.m")
+        if cell.badge:
+            return cell
         file = sentence("values", "file", value=f"{stated_text(row['mass_file'])} kg")
-        return Cell("–", np.nan, f"{self._explain_absence(name)}; {file}")
+        return replace(cell, note=f"{cell.note}; {file}")
 
     def _explain_absence(self, name: str) -> str:
         """Return in which combinations a parameter is that has no value alone."""
         base = self.structure.base
-        members = ({p.name for _, p in base.terms(row)} for row in range(len(base)))
-        groups = [n for n, of in zip(base.names, members, strict=True) if name in of]
-        others = [n for n in groups if n in self.known and n != name]
+        rows = (row for row, kept in enumerate(base.names) if kept in self.known)
+        groups = ([p.name for _, p in base.terms(row)] for row in rows)
+        others = dict.fromkeys(x for group in groups if name in group for x in group if x != name)
         if others:
-            return sentence("values", "combined", names=others)
-        if groups:
-            return sentence("values", "alone")
-        absent = name not in {p.name for p in self.structure.parameters}
-        return sentence("values", "absent" if absent else "silent")
+            return sentence("values", "combined", names=[*others])
+        return sentence("values", "silent" if name in base.without_effect else "absent")

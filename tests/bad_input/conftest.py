@@ -5,9 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability import Noise
+from identifiability import Noise, Robot
+from identifiability.logs.conventions import Conventions
 
 from ..conftest import simulated_log
+
+
+def known(**options):
+    return Conventions.of(Robot.load("two-link", **options))
 
 
 @pytest.fixture

@@ -47,8 +47,7 @@ def test_a_result_that_cannot_be_written_is_written_elsewhere(tmp_path, monkeypa
     gone = tmp_path / "gone"
     with pytest.raises(OutputError, match=r"No space left.*is not lost: it is in '") as said:
         Outputs(json=gone / "result.json").write(Found(gone), lambda *_: None)
-    place = str(said.value).split("'")[-2]
-    assert Path(place).read_text() == "{}"
+    assert Path(str(said.value).split("'")[-2]).read_text() == "{}"
 
 
 def hear():

@@ -17,6 +17,8 @@ from identifiability.foundation.findings import of_key
 from identifiability.logs.conventions import Conventions
 from identifiability.quality.recordings import read_recordings
 
+from .conftest import known
+
 MAP = {r"fer_(\w+)": r"\1"}
 
 
@@ -25,10 +27,6 @@ def foreign(arm):
     """The log of the arm under the names of another driver, with a gripper that has no torque."""
     arm = arm.rename(columns=lambda c: c if c == "t" else f"fer_{c}")
     return arm.assign(**{"finger.q": 0.0, "note": "hot"})
-
-
-def known(**options):
-    return Conventions.of(Robot.load("two-link", **options))
 
 
 def same(log, arm):
@@ -151,8 +149,7 @@ def test_a_joint_without_torque_keeps_its_motion_and_loses_its_equations(tau, ar
     whole = prepare_log(Robot.load("two-link"), Log.from_frame(arm), how)
     assert_array_equal(samples.motion.q, whole.motion.q)
     assert not samples.weight[:, 1].any()
-    again = log.to_frame()
-    assert Log.from_frame(again, "log", known()).rows(3, 9).unmeasured[:, 1].all()
+    assert Log.from_frame(log.to_frame(), "log", known()).rows(3, 9).unmeasured[:, 1].all()
     result = analyze("two-link", arm.assign(**{"elbow.tau": np.nan}), replicates=0)
     full = analyze("two-link", arm, replicates=0)
     ours, theirs = (r.to_frame().set_index("name")["value"] for r in (result, full))

@@ -5,12 +5,7 @@ import pytest
 
 from identifiability import IdentifiabilityError, Log, Preparation, Robot, prepare_log
 
-
-def cell(frame, row, column, value):
-    """The table with one cell replaced, row counted from 1 as in the sentences."""
-    frame = frame.astype(object)
-    frame.loc[row - 1, column] = value
-    return frame
+from ..conftest import cell
 
 
 @pytest.mark.parametrize(

@@ -5,15 +5,13 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability import IdentifiabilityError, Log, Robot, analyze
+from identifiability import IdentifiabilityError, Log, analyze
 from identifiability.logs.conventions import Conventions
+
+from .conftest import known
 
 JOINTS = ("shoulder", "elbow")
 CHANNELS = {"position": "q", "velocity": "dq", "effort": "tau"}
-
-
-def known(**options):
-    return Conventions.of(Robot.load("two-link", **options))
 
 
 def long_of(arm, labels=JOINTS, channels=CHANNELS, time="time", label="joint"):

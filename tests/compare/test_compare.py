@@ -98,8 +98,7 @@ def test_a_load_is_as_sure_as_gains_that_drift_and_links_that_bend(name, mass, g
     assert said(found) == named
     load, *rose = found.changes
     assert all(abs(c.share - 0.03) < 3 * c.share_sd for c in rose)
-    least = next(x.least for x in found.limits if x.kind == "load")
-    assert load.sd[0] < least < load.sizes[0]
+    assert load.sd[0] < next(x.least for x in found.limits if x.kind == "load") < load.sizes[0]
     assert abs(load.sizes[0] - mass) < 3 * load.sd[0]
     # A tool that stays level does not show the height of its centre.
     assert np.isinf(load.centre[1]).tolist() == [False, False, name == "palletizer"]

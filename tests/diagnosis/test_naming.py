@@ -192,8 +192,7 @@ def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tm
     (function,) = d.to_dict()["possible"]
     assert "is not used: it gains 150 nats on left-out parts" in d.unexplained
     assert (function["name"], function["place"]) == ("function_of_velocity", "shoulder")
-    page = d.write_report(tmp_path / "d.html").read_text()
-    assert "Effects that may also be present" in page
+    assert "Effects that may also be present" in d.write_report(tmp_path / "d.html").read_text()
 
 
 def test_a_shape_that_lies_between_is_found_and_nothing_beside_it(diagnosis_of, named):

@@ -169,8 +169,7 @@ def test_the_weight_of_a_payload_is_found_in_effort_without_that_of_the_robot(tm
     assert "but not of its payload" in found.hints[0]
     mass = found.to_frame().set_index("name").loc["link2.weight_m"]
     assert mass.lower <= 1.5 <= mass.upper <= mass.lower + 0.3
-    written = export(robot, found, tmp_path / "out.xml", force=True)
-    assert "link2.weight_m" in written.statement
+    assert "link2.weight_m" in export(robot, found, tmp_path / "out.xml", force=True).statement
 
 
 def test_a_tool_that_the_file_lacks_is_asked_for_and_a_wrong_mass_is_that_of_its_link():
@@ -395,6 +394,5 @@ def test_on_clean_logs_at_most_eight_regressors_are_evaluated(arm, monkeypatch):
         return compute(part, *windows)
 
     monkeypatch.setattr(LogPart, "_computed", computed)
-    second = replace(record("six-dof-arm", seed=2)[1], name="second")
-    assert look(robot, log, second) is None
+    assert look(robot, log, replace(record("six-dof-arm", seed=2)[1], name="second")) is None
     assert len(evaluated) <= 8

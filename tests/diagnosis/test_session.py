@@ -37,8 +37,7 @@ def test_a_robot_that_warms_is_shown_over_the_session_and_the_last_log_is_predic
     assert curve.x.max() == pytest.approx(ends[-1], abs=1.0)
     assert np.corrcoef(curve.x, curve.learned)[0, 1] ** 2 > 0.5
     assert d.predict(logs[-1]).error_ra == pytest.approx(d.held_after, rel=0.01)
-    lost = d.predict(replace(logs[-1], start=None))
-    assert any("no clock tells" in hint for hint in lost.hints)
+    assert any("no clock tells" in hint for hint in d.predict(replace(logs[-1], start=None)).hints)
 
 
 @pytest.mark.parametrize("told", ["one does not say", "two overlap"])

@@ -91,8 +91,7 @@ def test_nothing_touches_along_what_is_played(curling, world, monkeypatch):
     found = excite(curling, evaluations=2000, seed=1, samples=200)
     assert found.gap >= CLEARANCE
     assert "Bodies that are not joined keep" in found.statement
-    played = found.play(100)
-    assert not any(world(row) for row in played.q)
+    assert not any(world(row) for row in found.play(100).q)
     monkeypatch.setattr(candidates.Clearance, "of", staticmethod(lambda _robot: (None, "")))
     careless = [excite(curling, evaluations=1, seed=s, samples=200) for s in range(8)]
     assert any(world(row) for motion in careless for row in motion.motion[1])

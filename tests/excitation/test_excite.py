@@ -38,8 +38,7 @@ def test_the_loops_close_far_from_singularities_and_without_a_leap(paper):
     assert not motion.singular
     assert motion.condition == pytest.approx(paper.closure)
     assert paper.closure < 300
-    steps = np.abs(np.diff(motion.q, axis=0)).max()
-    assert steps < 2 * np.abs(motion.v).max() * (t[1] - t[0])
+    assert np.abs(np.diff(motion.q, axis=0)).max() < 2 * np.abs(motion.v).max() * (t[1] - t[0])
 
 
 def test_the_arm_is_excited_much_better_than_by_random_motion(arm):
@@ -148,8 +147,7 @@ def test_wrong_questions_are_refused_in_one_sentence(two_link, find, options, se
 def test_logs_may_be_frames(simulated, two_link, find):
     log = simulated("two-link", "a", samples=100)
     assert isinstance(log, Log)
-    result = find(two_link, start_from=[log.to_frame()], evaluations=1)
-    assert result.logs == ("log 1",)
+    assert find(two_link, start_from=[log.to_frame()], evaluations=1).logs == ("log 1",)
 
 
 @pytest.mark.parametrize(

@@ -18,8 +18,7 @@ def test_the_trajectory_file_is_read_back_digit_by_digit(paper, tmp_path):
     assert list(known) == ["excite"]
     assert_array_equal(known["excite"].sin, paper.trajectory.sin)
     assert known["excite"].samples == 750
-    content = json.loads(file.read_text())
-    assert content["after"] == pytest.approx(paper.after.figure, rel=1e-5)
+    assert json.loads(file.read_text())["after"] == pytest.approx(paper.after.figure, rel=1e-5)
 
 
 def test_what_a_controller_plays_begins_and_ends_at_rest_and_keeps_every_limit(paper, tmp_path):
@@ -84,8 +83,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, succeeds, tmp_pa
     out = tmp_path / "m.csv"
     words = ["two-link", "--start-from", log, "--out", out, "--set", "evaluations=100"]
     pair = ["-v", "--separate", "joint_stiffness", "--separate", "torque_offset"]
-    result = succeeds("excite", *words, *pair)
-    assert "measured again (geometric mean)" in result.output
+    assert "measured again (geometric mean)" in succeeds("excite", *words, *pair).output
     assert "t,shoulder.q" in out.read_text().splitlines()[0]
 
 

@@ -48,8 +48,7 @@ def test_friction_is_written_to_the_joint_and_not_to_its_transmission(tmp_path):
 def test_what_is_stated_twice_is_written_once_and_mujoco_reads_it(tmp_path):
     robot = ros_arm(tmp_path)
     written = write_parameters(robot, dict(robot.nominal), tmp_path / "fitted.urdf")
-    model = mujoco.MjModel.from_xml_path(str(written.robot))
-    assert model.njnt == 6
+    assert mujoco.MjModel.from_xml_path(str(written.robot)).njnt == 6
     move = PrescribedMotion(np.arange(30.0), *np.random.default_rng(0).normal(size=(3, 30, 6)))
     found, expected = (simulate(r, move).tau for r in (robot, Robot.load("six-dof-arm")))
     assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())

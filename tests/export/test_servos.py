@@ -130,8 +130,7 @@ def test_every_draw_is_possible_and_loads_back(made):
     assert drawn.values.shape == (200, len(drawn.structure.columns))
     assert physical_set(drawn.structure).contains(drawn.values).all()
     assert_array_equal(drawn.values, draw_robots(robot, path, 200).values)
-    table = drawn.write(path.with_name("draws.csv"))[0]
-    assert len(table.read_text().splitlines()) == 201
+    assert len(drawn.write(path.with_name("draws.csv"))[0].read_text().splitlines()) == 201
     files = draw_robots(robot, path, 2, seed=1).write(path.with_name("drawn.xml"))
     assert [p.name for p in files] == ["drawn-001.xml", "drawn-002.xml"]
     values = next(draw_robots(robot, path, 2, seed=1).robots)

@@ -75,5 +75,4 @@ def test_presliding_is_dry_friction_beyond_its_ways_in_a_plain_file(tmp_path):
     both = Robot.load(written.robot)
     assert {name: both.nominal[name] for name in given} == pytest.approx(given)
     written.sidecar.unlink()
-    alone = Robot.load(written.robot)
-    assert alone.nominal["elbow.Fc"] == pytest.approx(0.6)
+    assert Robot.load(written.robot).nominal["elbow.Fc"] == pytest.approx(0.6)

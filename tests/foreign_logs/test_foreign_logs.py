@@ -21,8 +21,7 @@ SAMPLE = (
 def test_a_sample_is_read_or_its_fault_is_named():
     cases = [case for case in study.CASES if case.name in SAMPLE]
     assert len(cases) == len(SAMPLE)
-    bad = {o.case.name: (o.outcome, o.said) for o in study.run(cases) if not o.good}
-    assert bad == {}
+    assert {o.case.name: (o.outcome, o.said) for o in study.run(cases) if not o.good} == {}
 
 
 def test_there_are_a_hundred_of_other_names():
@@ -33,9 +32,7 @@ def test_there_are_a_hundred_of_other_names():
 
 @pytest.mark.everything
 def test_all_are_read_or_their_fault_is_named():
-    outcomes = list(study.run(study.CASES))
-    found = {o.case.name: o.outcome for o in outcomes if not o.good}
-    assert found == {}
+    assert {o.case.name: o.outcome for o in list(study.run(study.CASES)) if not o.good} == {}
 
 
 @pytest.mark.everything

@@ -69,8 +69,7 @@ def test_base_parameters_are_those_that_analyze_fits(name):
     first = found.base.names[0]
     known = found.parameters_frame().set_index("name")
     assert known.loc[first, "grouping"] == found.base.labels[0]
-    passive = {j.name for j in found.joints if j.role == "passive"}
-    assert passive == set(found.robot.passive)
+    assert {j.name for j in found.joints if j.role == "passive"} == set(found.robot.passive)
     assert str(found.base.rank) in found.details
 
 

@@ -40,8 +40,7 @@ def test_arviz_judges_the_chains_as_we_do(result):
     theirs = arviz.rhat_nested(posterior, superchain_ids=ids)["standard"]
     ours = result.belief.physical.convergence.rhat
     assert_allclose(theirs, ours, rtol=1e-6)
-    table = arviz.summary(tree)
-    assert f"phi[{result.chosen.submodel.columns[0]}]" in table.index
+    assert f"phi[{result.chosen.submodel.columns[0]}]" in arviz.summary(tree).index
     assert bool(tree.attrs["trustworthy"]) == result.belief.physical.convergence.trustworthy
     assert tree.attrs["reasons"] == " ".join(result.belief.physical.convergence.reasons)
     assert tree.attrs["seed"] == "0"
@@ -49,8 +48,7 @@ def test_arviz_judges_the_chains_as_we_do(result):
 
 def test_standard_parameters_stand_beside_those_of_the_model(result):
     free = [n for n in result.belief.standard if not n.endswith(".off")]  # held at 0
-    found = result.to_arviz()["posterior"].dataset
-    assert found["standard_parameter"].values.tolist() == free
+    assert result.to_arviz()["posterior"].dataset["standard_parameter"].values.tolist() == free
 
 
 def test_what_is_not_there_is_said_in_a_sentence(result, simulated_session, monkeypatch):

@@ -27,8 +27,7 @@ def test_lagged_products_whiten_as_rows_do_whatever_the_lengths_of_stretches(ord
     a = whitening_filter(pacf)
     found = np.tensordot(np.outer(a, a), lagged.products)
     assert_allclose(found, rows.T @ rows, rtol=1e-9, atol=1e-9)
-    known = whiten(np.eye(60), runs, pacf)
-    assert a**2 @ lagged.white == pytest.approx(np.sum(known**2))
+    assert a**2 @ lagged.white == pytest.approx(np.sum(whiten(np.eye(60), runs, pacf) ** 2))
 
 
 @pytest.fixture(scope="module")

@@ -44,8 +44,7 @@ def test_values_are_least_squares_on_all_rows_and_sigma_is_that_of_khalil_and_do
     assert_allclose(fit.value, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
     assert fit.rss.sum() == pytest.approx(rss[0], rel=1e-10)
     residual = tau.ravel() - flat @ fit.value
-    count = gather_information(regression).rows  # torque of joints that dwell is no data
-    assert fit.dof == count - flat.shape[1]
+    assert fit.dof == gather_information(regression).rows - flat.shape[1]
     variance = residual @ residual / fit.dof
     sigma = np.sqrt(variance * np.diag(np.linalg.inv(flat.T @ flat)))
     assert_allclose(fit.sigma, sigma, rtol=1e-6)

@@ -47,5 +47,4 @@ def test_degrees_must_be_said_and_rad_may_be(degrees):
     path, _ = degrees
     with pytest.raises(IdentifiabilityError, match=r"it looks like degrees: say .*angles='deg'"):
         prepare_log(Robot.load("six-dof-arm"), Log.read(path))
-    robot = Robot.load("six-dof-arm", angles="rad")
-    assert len(prepare_log(robot, Log.read(path)).tau)
+    assert len(prepare_log(Robot.load("six-dof-arm", angles="rad"), Log.read(path)).tau)

@@ -9,8 +9,7 @@ CASE = Case("601", 100)
 
 def test_a_trial_repeats_to_the_last_bit():
     first = run_trial(CASE, 7)
-    again = run_trial(CASE, 7)
-    assert np.array_equal(first.error_ra, again.error_ra)
+    assert np.array_equal(first.error_ra, run_trial(CASE, 7).error_ra)
     assert not np.array_equal(first.error_ra, run_trial(CASE, 8).error_ra)
 
 

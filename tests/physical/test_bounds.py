@@ -126,8 +126,7 @@ def test_the_nearest_real_robot_keeps_to_its_bounds(problem):
     assert {f"[bounds] of {name}" for name in ("arm", "tip", "arm + tip")} <= {*found.active}
     other = project(LeastSquares(data.R, data.R @ found.phi, 1.0, 60.0), region)
     assert_allclose(other.phi, found.phi, atol=1e-4)
-    free = project(data, PhysicalSet(region.bodies, region.nonnegative))
-    assert free.rss < found.rss
+    assert project(data, PhysicalSet(region.bodies, region.nonnegative)).rss < found.rss
 
 
 def test_a_certificate_says_by_what_bounds_refuse(problem):

@@ -56,8 +56,7 @@ def test_the_stated_error_of_the_nearest_real_robot_is_that_of_all_its_parameter
     physical = result.models[-1].physical
     phi = np.array([physical.parameters()[p.name] for p in result.base.parameters])
     assert_allclose(physical.base, result.base.G @ phi)
-    rows = list(result.base.names).index("link2.mx")
-    assert physical.base[rows] == pytest.approx(0.0, abs=0.02)
+    assert physical.base[list(result.base.names).index("link2.mx")] == pytest.approx(0.0, abs=0.02)
 
 
 def test_bodies_keep_what_they_need_although_it_is_left_out(simulated):

@@ -28,8 +28,7 @@ def test_an_ensemble_that_has_not_converged_is_found_out(posteriors, rng, monkey
         slowed.setattr(exact, "TURN", (0.02, 0.03))
         slow = sample_posterior(target, start, rng, draws=60, warmup=0)
     assert not diagnose_convergence(slow).trustworthy
-    good = sample_posterior(target, start, rng, draws=150)
-    assert diagnose_convergence(good).trustworthy
+    assert diagnose_convergence(sample_posterior(target, start, rng, draws=150)).trustworthy
 
 
 def test_the_autocorrelation_time_of_a_known_process(rng):

@@ -78,8 +78,7 @@ def test_nothing_is_pruned_that_is_identifiable():
     rng = default_rng(5)
     W = rng.normal(size=(1000, 2, 8))
     phi = rng.choice([-1, 1], 8) * rng.uniform(0.3, 3, 8)
-    search = find_path(gather(W, W @ phi + rng.normal(size=(1000, 2))))
-    assert len(chosen_set(search)) == 8
+    assert len(chosen_set(find_path(gather(W, W @ phi + rng.normal(size=(1000, 2)))))) == 8
 
 
 def test_a_tie_that_holds_is_made_and_one_that_does_not_is_refused():
@@ -88,6 +87,5 @@ def test_a_tie_that_holds_is_made_and_one_that_does_not_is_refused():
     tau = W @ np.array([2.0, 2.0, 1.0, -3.0]) + rng.normal(size=(800, 1))
     ties = [Move(Kind.TIE, tie=((a, b),)) for a, b in (("p0", "p1"), ("p2", "p3"))]
     search = find_path(gather(W, tau), suggested=ties)
-    chosen = search.steps[good_steps(search.steps)[0]].partition
-    assert chosen.ties() == {"p*": ["p0", "p1"]}
+    assert search.steps[good_steps(search.steps)[0]].partition.ties() == {"p*": ["p0", "p1"]}
     assert [r.move for r in search.refused] == [ties[1]]

@@ -51,8 +51,7 @@ FRICTION = "with friction and offsets"
     [(1, 2, 1.4, 2.1), (1, 3, 10.0, 16.0), (3, 1, 5.5, 8.5)],  # known: 1.7, 13-15, 7
 )
 def test_known_relative_errors_come_out(errors, train, validate, low, high, processing, method):
-    found = errors(train, validate, FRICTION, processing, method)["relative"]
-    assert low < found < high
+    assert low < errors(train, validate, FRICTION, processing, method)["relative"] < high
 
 
 def test_friction_and_offsets_bring_the_extrapolation_from_37_to_13_percent(errors):
@@ -107,5 +106,4 @@ def test_a_name_that_harms_unseen_motion_is_left_out(robot, load):
 def test_a_wider_motion_is_no_other_load(robot, load):
     """A load of 0.27 kg explains a part of the error on run 3, but less than half of its square."""
     narrow, wide = map(load, (1, 3))
-    found = analyze(robot, narrow, wide, replicates=0)
-    assert not of_key(found.hints, "held_out_load")
+    assert not of_key(analyze(robot, narrow, wide, replicates=0).hints, "held_out_load")

@@ -30,8 +30,7 @@ def test_places_are_in_the_picture_and_few(moving):
     first, second = moving.points
     on_paper = first[..., :2]
     assert np.all((on_paper >= 0) & (on_paper <= np.array(moving.size)))
-    apart = np.nanmax(np.abs(on_paper - second[..., :2]))
-    assert 0.1 < apart < 10
+    assert 0.1 < np.nanmax(np.abs(on_paper - second[..., :2])) < 10
     assert np.isnan(second[-1]).all()
     told = json.loads(moving.data)
     assert told["robots"][1][-1] is None
@@ -90,5 +89,4 @@ def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
     small = {"before": torque, "after": 0.01 * torque}  # its error has a scale of its own
     assert len(move_with_torque(robot, motion, t, torque, small, "run").strips) == 2
     assert drawn.gaps == [pytest.approx((400 * 249 / 399, 400 * 11 / 399))]
-    page = render_page(Page("a", summary=(Answers((), (drawn,)),)))
-    assert path in page
+    assert path in render_page(Page("a", summary=(Answers((), (drawn,)),)))

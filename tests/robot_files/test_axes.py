@@ -170,7 +170,7 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
 
 def test_values_of_a_motor_that_mixes_joints_have_a_row_of_their_own():
     robot, rng = Robot.load("differential-wrist"), default_rng(0)
-    motion, other = find_motion(robot, "random", 150, rng), {"left.Fv": 0.2}
+    motion, other = find_motion(robot, "random", 150, rng), {"left.Fc": 0.2}
     log = simulate(robot, motion, noise=Noise(torque=0.02), parameters=other, rng=rng)
     values = joint_values(analyze(robot, log, "none", quick=True), "all")
     assert [row[0].text for row in values.rows] == ["pitch", "roll", "left", "right"]

@@ -59,8 +59,7 @@ def test_couplings_loops_and_mimic_joints_go_together(agrees):
     text = parallelogram(CLOSURES["site on the root"] + SLIDE, home="0.7 -0.7 0 0")
     text = text.replace('<body name="rocker"', wrist)
     side = '[[couplings]]\njoint = "w"\nterms = {knee = [0.1, 0.5], drive = [0, 0, -0.4]}\n'
-    robot = agrees(text, sidecar=side + HOME, spread=0.4)
-    assert robot.passive == ("knee", "w", "p", "heel")
+    assert agrees(text, sidecar=side + HOME, spread=0.4).passive == ("knee", "w", "p", "heel")
 
 
 def test_couplings_that_cannot_be_are_refused(load_text):

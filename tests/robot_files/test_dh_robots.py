@@ -46,8 +46,7 @@ def test_the_arms_have_the_published_numbers_of_base_parameters(name, bodies, wh
         base = find_base_parameters(robot, part)
         assert (base.rank, base.ambiguous) == (expected, False)
         assert base.gap[0] > 1e6 * base.gap[1]
-    same = default_effects(robot, BASICS)  # what other verbs take has the same places
-    assert find_base_parameters(robot, Model.of(*same)).rank == whole
+    assert find_base_parameters(robot, Model.of(*default_effects(robot, BASICS))).rank == whole
 
 
 def test_the_counter_spring_and_the_cable_are_the_published_ones():
@@ -102,5 +101,4 @@ def test_the_values_of_the_files_come_back_from_torque_without_noise(name):
     W = model.regressor(robot, samples.motion)[:, :, list(base.kept)]
     size = np.abs(W @ truth).max()
     assert_allclose(W * fit.value, W * truth, rtol=1e-5, atol=1e-8 * size)
-    friction = [n for n in base.names if n.endswith(".Fc")]
-    assert len(friction) >= len(robot.joints)
+    assert len([n for n in base.names if n.endswith(".Fc")]) >= len(robot.joints)

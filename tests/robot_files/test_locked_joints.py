@@ -66,8 +66,7 @@ def test_one_of_several_joints_in_a_body_can_be_locked(held, agrees):
     left = [n for n in ("first", "middle", "last") if n != held]
     motors = "".join(f'<motor joint="{n}"/>' for n in ("shoulder", "elbow", *left))
     text = arm(inside=inside, actuator=f"<actuator>{motors}</actuator>")
-    robot = agrees(text, lock=[f"{held}=0.4"])
-    assert robot.joints == ("shoulder", "elbow", *left)
+    assert agrees(text, lock=[f"{held}=0.4"]).joints == ("shoulder", "elbow", *left)
 
 
 def test_a_motor_of_a_closed_chain_can_be_locked_at_its_home(agrees):

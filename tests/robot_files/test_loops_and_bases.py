@@ -29,8 +29,7 @@ def test_a_closure_by_body_and_anchor_closes_where_the_file_is_drawn(bodies, agr
 def test_a_loop_of_the_sidecar_may_end_in_the_world(load_text):
     text = parallelogram("", home="0.7 -0.7")
     loop = '[[loops]]\nbody1 = "world"\npoint1 = [0.6, 0, 0]\nbody2 = "rocker"\n'
-    robot = load_text(text, sidecar=loop + "point2 = [-0.4, 0, 0]")
-    assert robot.passive == ("knee", "heel")
+    assert load_text(text, sidecar=loop + "point2 = [-0.4, 0, 0]").passive == ("knee", "heel")
 
 
 def test_couplings_follow_each_other_and_inactive_equalities_are_none(agrees):
@@ -59,8 +58,7 @@ def test_a_loop_that_is_open_at_home_is_told_with_positions_that_close_it(load_t
                   ("knee", "heel"))  # fmt: skip
     robot = load_text(parallelogram(closure, home=f"0.7 {knee}").replace(' 0.7"', f' {heel}"'))
     assert np.isclose(robot.home[1], knee)
-    rounded = load_text(parallelogram(closure, home="0.703 -0.70"))
-    assert rounded.passive == ("knee", "heel")
+    assert load_text(parallelogram(closure, home="0.703 -0.70")).passive == ("knee", "heel")
 
 
 FLOATING = arm(

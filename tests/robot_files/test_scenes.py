@@ -68,8 +68,7 @@ def test_what_an_actuator_an_equality_or_the_sidecar_reaches_stays(load_text):
     driven = MOTORS.replace("</actuator>", '<motor joint="turn"/></actuator>')
     with pytest.raises(IdentifiabilityError, match="1 joints have no actuator"):
         load_text(scene(DOOR, driven))
-    locks = 'locked = ["hinge", "turn"]'
-    assert load_text(scene(DOOR, MOTORS), sidecar=locks).outside == ()
+    assert load_text(scene(DOOR, MOTORS), sidecar='locked = ["hinge", "turn"]').outside == ()
     alone = load_text(scene(DOOR, driven), sidecar='actuated = ["shoulder", "elbow"]')
     assert alone.outside == ("door",)
 

@@ -6,7 +6,7 @@ from identifiability import IdentifiabilityError, Log, Robot, analyze
 from identifiability.foundation.engines import Processes
 from identifiability.logs.tables import read_pieces
 
-from ..bad_input.test_logs import cell
+from ..conftest import cell
 
 
 @pytest.fixture
@@ -22,8 +22,7 @@ def refusal(action):
 
 def same_refusal(path, read_long):
     streamed = refusal(lambda: read_long(path))
-    whole = refusal(lambda: Log.read(path))
-    assert streamed == whole
+    assert streamed == refusal(lambda: Log.read(path))
     return streamed
 
 

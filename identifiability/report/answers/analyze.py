@@ -22,7 +22,7 @@ from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import of_key
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
@@ -411,8 +411,18 @@ def _state_unknown(chosen: ModelResult) -> str:
     return sentence("analysis.use", "open", others=len(others), labels=each)
 
 
+def _name_kind(robot: Robot, v: Verdict) -> str:
+    """Return what a value is of, in words; nothing for a combination."""
+    kinds: dict[str, str] = WORDS["analysis.known"]
+    if v.others:
+        return ""
+    kind = v.name.rpartition(".")[2]
+    usual = "bodies" if kind in INERTIAL_KINDS else "other"
+    return kinds["passive"] if v.place in robot.passive else kinds.get(kind, kinds[usual])
+
+
 def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
-    """Return which frictions, rotors and how many combinations of masses the logs determine.
+    """Return which frictions, rotors, … and how many combinations the logs determine.
 
     The first text is the headline: kinds known of all joints, or of all but few; else empty.
     """
@@ -420,30 +430,27 @@ def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
     joints = robot.joints
     which = "actuated joints" if len(robot.tree.joints) > len(joints) else "joints"
     kinds: dict[str, str] = WORDS["analysis.known"]
-    owned = [v.name.rpartition(".") for v in chosen.verdicts]
-    words = [kinds.get(kind, "masses") for _, _, kind in owned]
-    passes = [place in robot.passive for place, _, _ in owned]
-    words = [kinds["passive"] if x else word for x, word in zip(passes, words, strict=True)]
-    known = [v.verdict is Class.IDENTIFIABLE for v in chosen.verdicts]
+    groups = dict[str, list[Verdict]]()
+    for v in chosen.verdicts:
+        groups.setdefault(_name_kind(robot, v), []).append(v)
     told, every, most = [], [], ""
-    for what in dict.fromkeys(kinds.values()):
-        own = [k for k, word in enumerate(words) if word == what]
-        places = [owned[k][0] for k in own]
-        lost = [place for place, k in zip(places, own, strict=True) if not known[k]]
+    for what in dict.fromkeys((*kinds.values(), "")):
+        group = groups.get(what, [])
+        lost = [v.place for v in group if v.verdict is not Class.IDENTIFIABLE]
         names = list(dict.fromkeys(lost))
-        holes: dict[str, Any] = {"count": len(own) - len(lost), "total": len(own), "what": what}
-        part = ("but" if names else "every") if {*joints} <= {*places} else "values"
+        count = len(group) - len(lost)
+        holes: dict[str, Any] = {"count": count, "total": len(group), "what": what}
+        part = ("but" if names else "every") if {*joints} <= {v.place for v in group} else "values"
         if len(names) > NAMED or (names and part == "values"):
             part = "share"
+        if not what:
+            part = "several"
         if part == "every":
             every.append(what)
-        elif len(own) > len(lost):
+        elif count:
             text = sentence(about, part, names=names, joints=which, **holes)
             told.append(text)
             most = most or text * (part == "but" and what != kinds["off"])
-    count = sum(word == "masses" and sure for word, sure in zip(words, known, strict=True))
-    if count:
-        told.append(sentence(about, "masses", count=count))
     if every:
         most = sentence(about, "every", what=join(every), joints=which)
     others = [text for text in told if text != most]

@@ -25,7 +25,7 @@ from identifiability.effects.springs import (
 )
 from identifiability.estimation.groups import shorten_places
 from identifiability.estimation.rules import RULES, Thresholds
-from identifiability.foundation.answers import Answer, Note
+from identifiability.foundation.answers import Answer, Column, Note
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, Level, fill, phrase
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
@@ -44,7 +44,7 @@ from .commands import source_name
 from .python_lines import lines_in_memory
 
 #: Kinds of friction of a joint, in the order of columns.
-JOINT_KINDS = ("Fc", "Fv")
+JOINT_KINDS = ("Fc", "Fc+", "Fc-", "Fv")
 
 #: Parameters, logs, places or needs that a sentence or a first screen names.
 NAMED = 3
@@ -543,6 +543,13 @@ def _head_check(checks: Sequence[str]) -> str:
     """Return the first check in short: a note below the answers has all of several sentences."""
     first = first_sentence(*checks)
     return first.partition(": ")[0] if ". " in "".join(checks[:1]) else first
+
+
+def kind_columns(robot: Robot, kinds: Sequence[str]) -> list[Column]:
+    """Return the columns of a table of joints: their names, then values of some kinds."""
+    rotor = "screw" if {*robot.torque_units} == {"N"} else "rotor"
+    titles = (sentence("values", kind if kind in ("m", *JOINT_KINDS) else rotor) for kind in kinds)
+    return [Column(sentence("values", "joint")), *(Column(title, "badge") for title in titles)]
 
 
 def state_contradicted(

@@ -15,7 +15,8 @@ from scipy.special import expit, logit
 
 from identifiability.effects import find_family, title_of
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.estimation.verdict import other_terms
+from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array, NumberByName, Strings
@@ -51,6 +52,7 @@ from .common import (
     capital,
     command,
     join_sentences,
+    kind_columns,
     sentence,
     state_contradicted,
     torque_noise,
@@ -609,9 +611,7 @@ def _list_refitted(d: Diagnosis, joint: str, old: NumberByName) -> list[tuple[An
     old : mapping of str to float
         Base parameters without the effect.
     """
-    base = d.completed.base
-    sigma = np.sqrt(np.diag(d.fit.base_covariance))
-    new = dict(zip(base.names, zip(d.fit.base, sigma, base.units, strict=True), strict=True))
+    new = _list_fitted(d)
     rows: list[tuple[Any, ...]] = []
     for kind in JOINT_KINDS:
         name = f"{joint}.{kind}"
@@ -621,22 +621,27 @@ def _list_refitted(d: Diagnosis, joint: str, old: NumberByName) -> list[tuple[An
     return rows
 
 
-def table_fitted(d: Diagnosis) -> Table | None:
-    """Return friction and rotor of each joint as fitted, and by the file; None without any."""
+def _list_fitted(d: Diagnosis) -> dict[str, tuple[float, float, str]]:
+    """Return value, standard error and unit of each parameter that is known alone."""
     base = d.completed.base
     sigma = np.sqrt(np.diag(d.fit.base_covariance))
-    fitted = dict(zip(base.names, zip(d.fit.base, sigma, base.units, strict=True), strict=True))
-    kinds = (*JOINT_KINDS, d.robot.inertia_parts[0])
+    each = zip(base.names, base.labels, d.fit.base, sigma, base.units, strict=True)
+    return {name: (x, sd, unit) for name, label, x, sd, unit in each if not other_terms(label)}
+
+
+def table_fitted(d: Diagnosis) -> Table | None:
+    """Return friction and rotor of each joint as fitted, and by the file; None without any."""
+    fitted = {} if d.nothing else _list_fitted(d)
+    present = {name.rpartition(".")[2] for name in fitted}
+    kinds = [kind for kind in (*JOINT_KINDS, d.robot.inertia_parts[0]) if kind in present]
     rows = []
     for joint in d.robot.joints:
         names = [f"{joint}.{kind}" for kind in kinds]
-        if d.nothing or not any(name in fitted for name in names):
+        if not any(name in fitted for name in names):
             continue
         cells = [_fitted_cell(fitted.get(x), d.robot.nominal.get(x, 0.0)) for x in names]
         rows.append((joint, *cells))
-    rotor = "screw" if {*d.robot.torque_units} == {"N"} else "rotor"
-    columns = [Column(sentence("values", x), "badge") for x in (*JOINT_KINDS, rotor)]
-    return Table.of("", [Column(sentence("values", "joint")), *columns], rows) if rows else None
+    return Table.of("", kind_columns(d.robot, kinds), rows) if rows else None
 
 
 def _fitted_cell(fitted: tuple[float, float, str] | None, file: float) -> Cell:

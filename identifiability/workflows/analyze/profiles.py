@@ -20,7 +20,7 @@ from identifiability.estimation.noise import ARNoise, JointNoise
 from identifiability.estimation.profile import Number, Profile, ShapeRefits, profile, profile_shape
 from identifiability.foundation.errors import listing, near_match
 from identifiability.foundation.linalg import NEARLY, solve_least, unit_coordinates
-from identifiability.foundation.names import Array, name_each
+from identifiability.foundation.names import Array
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.rounding import REACH
 from identifiability.logs.prepare.dataset import Dataset
@@ -156,10 +156,7 @@ class ConsistentNumbers:
 
     def direction(self, name: str) -> Array:
         """Return a number as a combination of the standard parameters, (p,)."""
-        columns = self.found.chosen.submodel.columns
         standard = self.structure.columns
-        if name in columns:
-            return self.model.to_x[columns.index(name)]
         if name in standard:
             return np.eye(len(standard))[standard.index(name)]
         if name == TOTAL_MASS:
@@ -188,10 +185,7 @@ class ConsistentNumbers:
         if name not in known:
             joint = robot.joints.index(name.removesuffix(f".{TORQUE}"))
             return Number(name, robot.torque_units[joint])
-        submodel = self.found.chosen.submodel
-        signs = name_each(submodel.columns, submodel.nonnegative)
-        signed = signs.get(name, known[name].nonnegative)
-        return Number(name, known[name].unit, 0.0 if signed else -np.inf)
+        return Number(name, known[name].unit, 0.0 if known[name].nonnegative else -np.inf)
 
     def spread(self, name: str, direction: Array) -> tuple[float, float, float]:
         """Return the estimate of a number, its standard error, and the unit of its deviance.

@@ -111,14 +111,15 @@ def list_measured(result: ModelResult) -> dict[str, tuple[float, float]]:
     """
     physical = {} if result.physical is None else result.physical.parameters()
     found = {name: (value, np.nan) for name, value in physical.items()}
-    alone = (v for v in result.verdicts if " " not in v.label)
+    alone = (v for v in result.verdicts if not v.others)
     return found | {v.name: (v.value, REACH * v.sigma_label) for v in alone}
 
 
 def say_excluded_offsets(result: ModelResult) -> Finding | str:
     """Return parameters, with joints, that only a model without torque offsets identifies."""
     names = [
-        f"{'one' if k else 'an offset'} of {join(joints)}{'' if k else ' looks'} like {v.name}"
+        f"{'one' if k else 'an offset'} of {join(joints)}{'' if k else ' looks'} like "
+        f"{'the combination with ' * bool(v.others)}{v.name}"
         for k, (v, joints) in enumerate(result.without_offsets)
     ]
     return Finding("excluded_offsets", names=names) if names else ""

@@ -50,8 +50,7 @@ def shifted(logs, odd, change):
 def test_logs_of_one_robot_are_seldom_said_to_differ_and_then_add_nothing():
     trials = 100
     found = [compare(np.tile(VALUES, (2, 1)), [2, seed])[0] for seed in range(trials)]
-    fired = sum(bool(m.moved.any()) for m in found)
-    assert fired <= Thresholds.sign_level * trials
+    assert sum(bool(m.moved.any()) for m in found) <= Thresholds.sign_level * trials
     for m in found:
         assert (m.between.max() > 0) == bool(m.moved.any())
 
@@ -115,8 +114,7 @@ def test_one_log_short_logs_and_rounding_say_nothing():
     W = motion(rng, 80)[::8]
     log = np.repeat([0, 1], 5)
     tau = W @ VALUES + 0.1 * rng.standard_normal((10, 2))
-    short = Information.of_rows(("a", "b", "c", "d"), W, tau, log, 1)  # six are left of ten rows
-    assert ask(short, 1.0)[0] is None
+    assert ask(Information.of_rows(("a", "b", "c", "d"), W, tau, log, 1), 1.0)[0] is None
 
 
 def test_what_scatters_between_logs_is_in_the_robust_deviation():

@@ -86,8 +86,7 @@ def test_what_the_filters_mix_with_a_stop_on_the_way_is_no_data(two):
 
 def test_reversals_are_data_where_no_joint_ever_stands(two):
     t = np.arange(0, 8, 1 / RATE)
-    swings = [0.6 * np.sin(2 * np.pi * f * t) for f in (0.7, 0.9)]
-    assert samples_of(two, t, *swings).weight.all()
+    assert samples_of(two, t, *[0.6 * np.sin(2 * np.pi * f * t) for f in (0.7, 0.9)]).weight.all()
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])

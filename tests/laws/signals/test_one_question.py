@@ -95,8 +95,7 @@ def test_the_other_answer_is_given_by_the_other_name():
     frame = table(["t", *columns])
     ((old, new),) = answered(frame, ARM)[1].items()
     other = {old.replace("tau_measured", "tau_feedback"): new}
-    log = Log.from_frame(frame, "run", named(ARM, **other))
-    assert log.tau[0].tolist() == [7, 8, 9]
+    assert Log.from_frame(frame, "run", named(ARM, **other)).tau[0].tolist() == [7, 8, 9]
 
 
 def test_joints_without_a_common_pattern_are_settled_by_one_command_all_the_same():
@@ -180,6 +179,5 @@ def test_pasted_locks_let_a_log_of_some_joints_be_read(tmp_path):
 def test_next_lines_repeat_locks_by_the_same_patterns():
     robot = Robot.load("quadruped", lock=["F*", "RL_*=0.1", "RR_hip_joint"])
     given = shlex.split(source_name(robot))
-    again = Robot.load("quadruped", lock=given[2::2])
-    assert again.locked == robot.locked
+    assert Robot.load("quadruped", lock=given[2::2]).locked == robot.locked
     assert len(given) < 2 * len(robot.locked)

@@ -138,8 +138,7 @@ def test_single_empty_cells_are_broken_rows_still_but_of_torque_they_leave_an_eq
     t = 0.001 * np.arange(1000)
     frame = positions_and_torques(t, t)
     frame.loc[17, "a.tau"] = np.nan
-    unmeasured = Log.from_frame(frame, "log").unmeasured
-    assert np.argwhere(unmeasured).tolist() == [[17, 0]]
+    assert np.argwhere(Log.from_frame(frame, "log").unmeasured).tolist() == [[17, 0]]
     frame.loc[17, "a.q"] = np.nan
     with pytest.raises(
         IdentifiabilityError, match=r"column 'a.q' is not a finite number in 1 of 1000"

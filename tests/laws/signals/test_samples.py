@@ -178,8 +178,7 @@ def remarks(**channels):
 )
 def test_a_velocity_that_is_too_large_or_small_by_a_quarter_contradicts(factor, clean):
     """Integrated, it must be multiplied by .8 … 1.25 to be the position."""
-    found = remarks(dq=wave(T)[1] * [1.0, factor], ddq=None)
-    assert found == ["elbow.dq"] * (not clean)
+    assert remarks(dq=wave(T)[1] * [1.0, factor], ddq=None) == ["elbow.dq"] * (not clean)
 
 
 def test_noise_offsets_and_gaps_do_not_contradict():

@@ -47,8 +47,7 @@ def share_left(series, exact):
 
 def test_a_spline_keeps_little_of_the_noise_of_any_motion():
     t, exact = move(5, repeats=False)
-    spline = find_series(measure(t, exact))["spline"]
-    assert share_left(spline, exact).max() < 0.3
+    assert share_left(find_series(measure(t, exact))["spline"], exact).max() < 0.3
 
 
 @pytest.mark.parametrize("periods", [1, 2.4, 3, 10])

@@ -143,8 +143,7 @@ def test_all_logs_have_the_cut_off_of_the_widest_band(two):
     assert prepare_log(two, slow, how).cutoff == how.cutoff
     assert prepare_log(two, slow).band == pytest.approx(7.0, abs=0.6)
     assert choose_cutoff(two, [slow], Preparation(cutoff=3.0)).cutoff == 3.0
-    measured = replace(slow, dq=slow.q, ddq=slow.q)
-    assert choose_cutoff(two, [measured], None).cutoff is None
+    assert choose_cutoff(two, [replace(slow, dq=slow.q, ddq=slow.q)], None).cutoff is None
 
 
 def test_the_measured_velocity_decides_where_it_is_what_is_differentiated(two):
