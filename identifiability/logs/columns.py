@@ -461,12 +461,12 @@ def _in_si(
         return replace(column, unit=unit, factor=factor, offset=offset / factor)
     unread = unread_unit(name, (*known.motors, *known.joints))
     is_scaled = kind in ANGULAR and column.joint in known.scales
-    if unread and not is_scaled and known.columns.apply(name) == name:
+    is_share = column.kind == "tau" and _SHARE.search(unread)  # a gain converts it
+    if unread and not (is_scaled or is_share) and known.columns.apply(name) == name:
         example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
         gain = (
-            "give one unit in N·m or N "
-            f"([torque] gain = {{{toml_key(column.joint)} = …}} in the "
-            f"sidecar) with {_map_word(name, column.name)}"
+            f"state one unit in N·m or N ([torque] gain = {{{toml_key(column.joint)} = …}} in "
+            f"the sidecar) and add {_map_word(name, column.name)}"
         )
         raise LogError(
             f"{source}: the column '{name}' states the unit '{unread}', which is not known; "

@@ -167,7 +167,8 @@ def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both):
     ("header", "says"),
     [
         ("shoulder.q [gon]", "columns={'shoulder.q [gon]': 'shoulder.q [rad]'}"),
-        ("shoulder.tau [%]", "[torque] gain = {shoulder = …}"),
+        ("shoulder.tau [%]", "torque of shoulder in percent"),
+        ("shoulder.tau [inc]", "[torque] gain = {shoulder = …} in the sidecar) and add Robot.load"),
     ],
 )
 def test_a_unit_that_is_not_known_is_refused_with_its_column(header, says, bare, known, write):

@@ -59,9 +59,11 @@ def test_currents_stand_for_torques_where_their_gain_is_known(load):
     tau, notes = torques(table("current"), robot)
     assert_allclose(tau, table().filter(like="tau") * [11, 7])
     assert notes == ("torques are currents times their gain, ratio and sign (a: 11, b: 7)",)
-    mixed, notes = torques(table().rename(columns={"b.tau": "b.current"}), robot)
+    mixed, notes = torques(
+        table().rename(columns={"a.tau": "a.tau [%]", "b.tau": "b.current"}), robot
+    )
     assert_allclose(mixed, tau)
-    assert notes == ("torques were multiplied by their gain, ratio and sign (a: 11, b: 7)",)
+    assert notes[-1] == "torques were multiplied by their gain, ratio and sign (a: 11, b: 7)"
     both = table().assign(**{"a.current": 1.0, "b.current": 1.0})
     assert_allclose(torques(both, load())[0], table().filter(like="tau"))
     with pytest.raises(
