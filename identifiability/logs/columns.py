@@ -153,6 +153,7 @@ def name_columns(
     names = {name: rename(name.strip(), known) for name in found}
     guesses = _guess(names, known)
     _refuse_twice(found, guesses, source)
+    unread = _find_unread(names, guesses, source, known)
     idle = _idle_currents(guesses, known)
     guesses = [g for g in guesses if g.source not in idle]
     torque = _has_torque({c: n for c, n in names.items() if c not in idle}, guesses)
@@ -191,6 +192,7 @@ def name_columns(
         *torque_notes,
         *([phrase("reading", "moved", motors=wanted)] if moved else ()),
         *([phrase("reading", "currents", columns=idle)] if idle else ()),
+        *unread,
     )
     locked = tuple(_in_si(c, stated[c.name], source, known) for c in held)
     commands = tuple(g.name for g in own if commanding and g.kind in COMMANDS)
@@ -203,6 +205,23 @@ def name_columns(
         made=made,
         commands=commands,
     )
+
+
+def _find_unread(
+    names: Mapping[str, str], guesses: Sequence[Column], source: str, known: Conventions
+) -> list[Finding]:
+    """Return a note on columns of torque or current that name a joint and are not read."""
+    read = {g.source for g in guesses}
+    joints = (*known.motors, *known.joints)
+    unread = []
+    for column, name in names.items():
+        plain = split_unit(name)[0]
+        words = words_of(plain)
+        measured = _has_torque({"": plain}, ()) and COMMANDED.isdisjoint(words)
+        if column not in read and measured and take_joint(words, joints)[0]:
+            unread.append(f"'{column.strip()}'")
+    said = Finding("unread", source, columns=unread)
+    return [said.again(said.rstrip("."))] if unread else []
 
 
 def _idle_currents(guesses: Sequence[Column], known: Conventions) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 import pandas as pd
 
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, merge_subjects, of_key
 from identifiability.foundation.names import Strings, shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
@@ -210,7 +210,9 @@ def _list_conversions(logs: Sequence[Log]) -> list[Finding]:
     names: dict[str, list[str]] = {}
     for log in logs:
         names.setdefault("; ".join(log.notes), []).append(log.name)
-    return [Finding("reading", names=own, text=text) for text, own in names.items() if text]
+    unread = [Finding(n.key, x.name, **n.numbers) for x in logs for n in of_key(x.notes)]
+    read = [Finding("reading", names=own, text=text) for text, own in names.items() if text]
+    return [*read, *merge_subjects(unread)]
 
 
 def _with_short_names(logs: list[Log]) -> list[Log]:
