@@ -105,19 +105,13 @@ def test_stated_units_are_converted_and_others_refused(bare, known, write, read_
             "deg, elbow.q from °"
         )
     for units, sentence in {
-        ("s", "rad", "N", "Nm", "Nm"): r"'elbow.q' is a position, .* unit is stated as 'N'",
-        ("rad", "rad", "rad", "Nm", "Nm"): r"'t' is a time, .* unit is stated as 'rad'",
-        (
-            "s",
-            "rad",
-            "rad",
-            "A",
-            "Nm",
-        ): r"'shoulder.tau' is a torque or force, .* unit is stated as 'A'",
-        ("s", "rad", "furlong", "Nm", "Nm"): r"column 't' is not a finite number .* row 1 \('s'\)",
+        "s rad N Nm Nm": r"'elbow.q' is a position, .* unit is stated as 'N'",
+        "rad rad rad Nm Nm": r"'t' is a time, .* unit is stated as 'rad'",
+        "s rad rad A Nm": r"'shoulder.tau' is a torque or force, .* unit is stated as 'A'",
+        "s rad furlong Nm Nm": r"column 't' is not a finite number .* row 1 \('s'\)",
     }.items():
         with pytest.raises(IdentifiabilityError, match=sentence):
-            Log.read(write("log.csv", text_of(bare, units=units)), known)
+            Log.read(write("log.csv", text_of(bare, units=units.split())), known)
 
 
 @pytest.mark.parametrize("cell", ["#WERT!", "1.234,56"])
@@ -185,11 +179,7 @@ def test_a_unit_counts_whatever_a_rule_makes_of_the_column(mapped, bare, write, 
     turned = bare.assign(**{"elbow.q": np.degrees(bare["elbow.q"])})
     path = write("log.csv", text_of(turned.rename(columns={"elbow.q": header})))
     rule = {header: mapped}
-    check(
-        read_both(path, Conventions.of(Robot.load("two-link", columns=rule))),
-        bare,
-        rtol=1e-12,
-    )
+    check(read_both(path, Conventions.of(Robot.load("two-link", columns=rule))), bare, rtol=1e-12)
 
 
 def test_brackets_may_hold_a_joint_a_number_or_a_word_that_is_no_unit(
