@@ -87,8 +87,11 @@ def test_a_value_that_is_known_in_a_sum_alone_is_no_value_of_one_parameter(simul
     ladder = LadderEntry(models=[ModelEntry(name="M", effects=effects)])
     log = simulated("scara", "a", samples=1000)
     found = analyze("scara", log, "none", ladder, quick=True, profile=["flange.m"])
-    rotor = joint_values(found, "").rows[2][-1]
+    _, moved, *_, rotor = joint_values(found, "").rows[2]
     assert (rotor.text, rotor.note) == ("–", "only in combination with lift.off")
+    # Spindle, flange, and the rotor of the nut behind the screw.
+    assert moved.note == "identifiable; file 2.537 kg"
+    assert abs(moved.key - 2.537) < 0.5
     assert "combination with m(spindle)" in found["flange.m"].reason
     assert "combinations of parameters" in found.answers()[0].text
     low, high = found.profiles[0].region

@@ -439,6 +439,23 @@ class Structure:
         beside = others if others and len(others) == len(samples) else None
         return Regression(self.robot, self.model, tuple(samples), self.base.kept, beside)
 
+    def moving_mass(self, joint: str) -> Array:
+        """Return the weights of base parameters in the mass that a joint moves, (b,).
+
+        Zero but for sliding joints of trees: other joints move another inertia at each position.
+        """
+        robot = self.robot
+        at = robot.joints.index(joint) if joint in robot.joints else -1
+        if at < 0 or robot.closed or robot.base or not robot.slides[at]:
+            return np.zeros(len(self.base))
+        ddq = np.zeros((2, len(robot.joints)))
+        ddq[1, at] = 1.0
+        home = robot.actuated_positions(robot.home[None]) + 0.0 * ddq
+        W = self.model.regressor(robot, complete_motion(robot, ddq[:, at], home, 0.0 * ddq, ddq))
+        masses = np.array([p.group in ("rigid_body", "actuator_inertia") for p in self.parameters])
+        weights: Array = ((W[1, at] - W[0, at]) * masses)[self.base.kept]
+        return weights
+
     def torque_along(self, motion: Motion, phi: Array) -> Array:
         """Return the torque of parameters (p,) along a motion, (N, n) [N·m or N]."""
         widths = self.model.widths(self.robot)

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from identifiability.estimation.groups import shorten_places
-from identifiability.estimation.verdict import Class, Flag, Verdict
+from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Cell, Column, Table
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.rounding import join, measured, stated_text
 from identifiability.physical.cad_prior import mass_rows
 from identifiability.robot import Robot
@@ -45,19 +47,22 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     passive = [joint for joint in robot.passive if joint in places_of]
     floats = BASE_JOINTS if robot.base else ()  # nothing drives them
     places = [x for x in (*robot.joints, *motors, *passive) if x not in floats]
-    weights = [rows_of.show_mass(masses.get(bodies.get(place, ""))) for place in places]
+    sums = {
+        "moved": [rows_of.show_moved(place) for place in places],
+        "m": [rows_of.show_mass(masses.get(bodies.get(place, ""))) for place in places],
+    }
     # A column without a value is one sentence.
-    weighed = any(cell.text != "–" for cell in weights)
-    columns = kind_columns(robot, ["m"] * weighed + kinds)
-    gains = [", ".join(list_gains(servo, place)) for place in places]
-    columns += [Column(sentence("values", "gains"))] * any(gains)
-    rows = []
-    for place, weight, gain in zip(places, weights, gains, strict=True):
-        cells = [rows_of.show(f"{place}.{kind}") for kind in kinds]
-        cells += [Cell(gain)] * any(gains)
-        name = Cell(place, note=sentence("values", "passive") if place in passive else "")
-        rows.append((name, *([weight] if weighed else []), *cells))
-    caption = "caption" if weighed or not masses else "massless"
+    cells = {kind: each for kind, each in sums.items() if any(cell.badge for cell in each)}
+    caption = "caption" if "m" in cells or not masses else "massless"
+    cells |= {kind: [rows_of.show(f"{place}.{kind}") for place in places] for kind in kinds}
+    columns = kind_columns(robot, [*cells])
+    gains = [Cell(", ".join(list_gains(servo, place))) for place in places]
+    names = [Cell(x, note=sentence("values", "passive") if x in passive else "") for x in places]
+    each = [names, *cells.values()]
+    if any(cell.text for cell in gains):
+        columns.append(Column(sentence("values", "gains")))
+        each.append(gains)
+    rows = [*zip(*each, strict=True)]
     return Table.of(sentence("values", caption, section=parameters), columns, rows)
 
 
@@ -106,6 +111,7 @@ class _ModelRows:
         chosen = result.chosen
         each = zip(chosen.verdicts, chosen.recommended.tolist(), chosen.departures, strict=True)
         self.structure = result.structure
+        self.fit = None if result.nothing or chosen.unjudged else result.fit
         self.known = {v.name: (v, used, why) for v, used, why in each}
         self.missing = chosen.fit.alternatives
         self.lacked = result.missing.functions
@@ -147,6 +153,21 @@ class _ModelRows:
         lacks = "lacks" if effect in self.lacked else "may lack"
         effect = shorten_places(effect)
         return sentence("values", "doubt", effect=effect, lacks=lacks)
+
+    def show_moved(self, place: str) -> Cell:
+        """Return the mass that a sliding joint of a tree moves, by the logs and by the file."""
+        weights = self.structure.moving_mass(place)
+        if self.fit is None or not weights.any():
+            return Cell("–", np.nan)
+        values, covariance = self.fit.of_labels
+        total = float(weights @ values)
+        known = np.abs(weights @ self.fit.base_unknown).max(initial=0.0) < NEARLY
+        sigma = float(np.sqrt(weights @ covariance @ weights)) if known else np.inf
+        sure = percent_of(sigma, total) <= Thresholds().sigma_percent
+        word = Class.IDENTIFIABLE if sure else Class.NOT_IDENTIFIABLE
+        stated = stated_text(float(weights @ self.structure.nominal_base))
+        note = f"{word}; {sentence('values', 'file', value=f'{stated} kg')}"
+        return Cell(measured(total, sigma, "kg"), total, note, word)
 
     def show_mass(self, row: dict[str, Any] | None) -> Cell:
         """Return the mass of a body; only that of the file where others are added to it."""

@@ -36,8 +36,7 @@ REFUSED = {
 
 def test_files_that_no_inertia_needs_may_be_missing(agrees, load_text):
     shape = '<geom type="mesh" mesh="shape" material="m"/>'
-    robot = load_text(arm(after=MISSING, inside=shape))
-    assert robot.nominal == agrees(arm()).nominal
+    assert load_text(arm(after=MISSING, inside=shape)).nominal == agrees(arm()).nominal
     with pytest.raises(IdentifiabilityError, match=r"cannot be read by MuJoCo: .*none\.stl"):
         load_text(arm(after=MISSING, inside=f'<body name="tool">{shape}</body>'))
 

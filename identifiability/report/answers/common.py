@@ -548,7 +548,8 @@ def _head_check(checks: Sequence[str]) -> str:
 def kind_columns(robot: Robot, kinds: Sequence[str]) -> list[Column]:
     """Return the columns of a table of joints: their names, then values of some kinds."""
     rotor = "screw" if {*robot.torque_units} == {"N"} else "rotor"
-    titles = (sentence("values", kind if kind in ("m", *JOINT_KINDS) else rotor) for kind in kinds)
+    known = ("moved", "m", *JOINT_KINDS)
+    titles = (sentence("values", kind if kind in known else rotor) for kind in kinds)
     return [Column(sentence("values", "joint")), *(Column(title, "badge") for title in titles)]
 
 
