@@ -56,7 +56,7 @@ from .blocks import (
     torque_traces,
 )
 from .figures import name_torque
-from .pages import rollout_moving
+from .rollouts import rollout_moving
 from .skeleton import move_with_torque
 from .values_table import joint_values, offset_table
 

@@ -216,8 +216,8 @@ def pieces_of(line: str) -> list[str]:
 def _of_page(result: Result, name: str, usual: Any = None) -> Any:
     """Return the part `name` of a result's page, or `usual` if the page has no such function."""
     kind = result.schema.split("/")[1]
-    home = ".analysis" if kind in ("analysis", "pruning") else ".pages"
-    module = import_module(home, __package__)
+    homes = {"analysis": ".analysis", "pruning": ".analysis", "rollout": ".rollouts"}
+    module = import_module(homes.get(kind, ".pages"), __package__)
     own = getattr(module, f"{kind}_{name}", None)
     return usual if own is None else own(result)
 
