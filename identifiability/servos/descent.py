@@ -157,6 +157,33 @@ def follow_valley(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     return end
 
 
+def free_delays(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
+    """Return where a search ends if free delays explain a quarter of its squares; else its end.
+
+    Most joints must err less, as commands come to all at one time. Delays are varied from then on.
+
+    Parameters
+    ----------
+    problem : RolloutProblem
+    end : SearchEnd
+        Of this search.
+    """
+    stated = problem.varied
+    problem.varied = stated.copy()
+    problem.varied[problem.delays] = True
+    residual = problem.weights(end.q) * problem.residual(end.q, end.x)
+    _, promised = damped_step(problem, end.x, end.J, residual, VARIED)
+    squares = residual @ residual
+    if promised > (1 - VALLEY) * squares and not stated[problem.delays].any():
+        freed = descend(problem, end.x)
+        left = problem.weights(end.q) * problem.residual(freed.q, freed.x)
+        less = problem.missed(freed.q) < problem.missed(end.q)
+        if less.mean() > 0.5 and left @ left < 0.75 * squares:
+            return freed
+    problem.varied = stated
+    return end
+
+
 def bend_friction(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     """Return where a search ends if dry friction may also build up over a distance.
 

@@ -23,7 +23,16 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import CommandedRobot
 
-from .descent import BEGUN, ENOUGH, SearchEnd, bend_friction, conclude, descend, follow_valley
+from .descent import (
+    BEGUN,
+    ENOUGH,
+    SearchEnd,
+    bend_friction,
+    conclude,
+    descend,
+    follow_valley,
+    free_delays,
+)
 from .first_answer import FirstAnswer
 from .problem import LATER, RolloutProblem
 from .rollouts import KINDS, Rollouts, are_contradicted
@@ -89,7 +98,7 @@ def fit_rollouts(
     end = leave_bounds(problem, end)
     if first is not None and len(windows) > len(logs):
         first(answer_first(robot, logs, problem, end))
-    end = follow_valley(problem, bend_friction(problem, end))
+    end = follow_valley(problem, bend_friction(problem, free_delays(problem, end)))
     if not are_contradicted(problem.missed(end.q)):
         problem.windows = windows
         problem.varied[problem.bodies] = True

@@ -109,6 +109,11 @@ def follow_commands(
     aside = [set_aside_rows(*pair) for pair in zip(logs, found.blocked, strict=True)]
     slide = CommandedRobot(robot, found.parameters).distance(found.numbers)
     servo = replace(servo, slide=slide)
+    if servo.delay is not None and found.delay_errors.any():
+        late = state_delay(found.delays, [log.name for log in logs])
+        refuted = Finding("stated_delay", late=late, stated=1e3 * servo.delay)
+        recordings = replace(recordings, hints=(refuted, *recordings.hints))
+        servo = replace(servo, delay=None)
     robot = replace(robot, servo=servo)
     structure = replace(structure, robot=robot)
     say("locating commands", 0.35)

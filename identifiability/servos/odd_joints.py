@@ -441,7 +441,7 @@ def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -
         joint=robot.joints[j],
         gain=servo.gain[j],
         symbol="kp" if servo.kp[j] else "kv",
-        factor=factor,
+        used=factor * servo.gain[j],
         size=value,
         unit=robot.torque_units[j],
     )

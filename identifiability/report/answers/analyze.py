@@ -540,7 +540,9 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
 
 def _list_odd(result: Laddered[Any]) -> list[str]:
     """Return the doubts about a result, apart from its masses, in sentences."""
-    return [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
+    late = of_key(result.hints, "stated_delay")
+    odd = of_key(result.hints, "alternative", "odd_joint")
+    return [*late, *_state_impossible(result), *odd]
 
 
 def _state_wrong_mass(result: Laddered[Any]) -> str:
