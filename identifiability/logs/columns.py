@@ -482,21 +482,27 @@ def _in_si(
     is_scaled = kind in ANGULAR and column.joint in known.scales
     is_share = column.kind == "tau" and _SHARE.search(unread)  # a gain converts it
     if unread and not (is_scaled or is_share) and known.columns.apply(name) == name:
-        example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
-        gain = (
-            f"state one unit in N·m or N ([torque] gain = {{{toml_key(column.joint)} = …}} in "
-            f"the sidecar) and add {_map_word(name, column.name)}"
-        )
-        raise LogError(
-            f"{source}: the column '{name}' states the unit '{unread}', which is not known; "
-            f"say in which one {column.name} is given, as in "
-            f"{_map_word(name, f'{column.name} [{example}]')}, "
-            f"or {gain if column.kind == 'tau' else 'correct the header'}."
-        )
+        raise LogError(_describe_unread(column, kind, unread, source))
     # A scale of ±1 states a direction, and degrees stay degrees; other scales are for ticks.
     degrees = kind in ANGULAR and column.joint in known.degrees and abs(scale) == 1.0
     factor = scale * DEGREE if degrees else scale
     return replace(column, factor=factor, offset=offset / factor)
+
+
+def _describe_unread(column: Column, kind: str, unread: str, source: str) -> str:
+    """Return the refusal of a unit that is not known, with what to state."""
+    name = column.source.strip()
+    example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
+    gain = (
+        f"state one unit in N·m or N ([torque] gain = {{{toml_key(column.joint)} = …}} in "
+        f"the sidecar) and add {_map_word(name, column.name)}"
+    )
+    return (
+        f"{source}: the column '{name}' states the unit '{unread}', which is not known; "
+        f"say in which one {column.name} is given, as in "
+        f"{_map_word(name, f'{column.name} [{example}]')}, "
+        f"or {gain if column.kind == 'tau' else 'correct the header'}."
+    )
 
 
 def _convert_torque(

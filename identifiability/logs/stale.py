@@ -37,14 +37,19 @@ def restore_values(values: Array) -> tuple[Array, int]:
     # Fast motion needs a search that begins less smooth.
     ends = [_find_stale(x, repeats, start, weights[k:]) for start in starts for k in (0, 3)]
     roughness, is_stale, smooth = min(ends, key=itemgetter(0))
-    period = apart[apart <= 2].mean()
-    slower = _smooth(x, np.cumsum(~repeats), weights[-1] / period**5)[1] / period**2
     # Values at random are smoother by some percent, as rows are chosen so.
-    if roughness > 0.9 * min(slower, _smooth(x, row, weights[-1])[1]):
+    if roughness > 0.9 * _usual_roughness(x, repeats, apart[apart <= 2].mean(), weights[-1]):
         return values, 0
     restored = smooth * sizes
     restored[row - is_stale] = values
     return restored[1:], int(is_stale.sum())
+
+
+def _usual_roughness(x: Array, repeats: np.ndarray, period: float, weight: float) -> float:
+    """Return the roughness of values over the rows, or over a clock of slower period [rows]."""
+    rows = np.arange(1, len(x) + 1)
+    slower = _smooth(x, np.cumsum(~repeats), weight / period**5)[1] / period**2
+    return min(slower, _smooth(x, rows, weight)[1])
 
 
 def _find_stale(
