@@ -602,7 +602,10 @@ def test_a_log_that_contradicts_the_files_bodies_says_so():
 
 def test_a_stated_delay_that_is_too_short_is_said_with_its_remedy(frames, tmp_path):
     arm = load_arm(tmp_path, SIDECAR + "delay = 0\n")
-    said = judge(arm, frames[0]).statement
+    found = judge(arm, frames[0])
+    export(arm, found, tmp_path / "fitted.xml")
+    assert "delay" not in (tmp_path / "fitted.toml").read_text()
+    said = found.statement
     told = r"it\? With care: by rollouts .* act 2\.\d ms after .*, not 0 ms as stated"
     assert re.search(told + '.*delay = "auto" below', said)
 

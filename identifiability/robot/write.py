@@ -679,8 +679,11 @@ def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str
         new |= {"locked": dict(robot.locked)}
     if robot.base_option is not None:
         new |= {"base": robot.base_option}
-    if gains:
-        new |= {"servo": given.get("servo", {}) | gains}
+    if servo and gains:
+        own = dict(given.get("servo", {}))
+        if servo.delay is None:  # the stated one was found wrong, or there is none
+            own.pop("delay", None)
+        new |= {"servo": own | gains}
     if robot.sidecar is None and not any(new.values()):
         return None
     return _edit_toml(text, given, new)

@@ -764,6 +764,8 @@ class RolloutEntry(Entry):
     def apply(self, servo: Servo, joints: Sequence[str]) -> Servo:
         """Return servos with the gains, and the build-up of friction, that logs determined."""
         servo = replace(servo, slide=np.array([self.slide.get(j, 0.0) for j in joints]))
+        if self.delays and servo.delay not in self.delays:  # the stated one was found wrong
+            servo = replace(servo, delay=None)
         if not self.gains:
             return servo
         own = {k: np.array([of.get(j, np.inf) for j in joints]) for k, of in self.gains.items()}
