@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 import studies.drawn_hands as hands
@@ -70,7 +71,7 @@ def record(true, seed, seconds):
     model.eq_solref[:] = model.dof_solref[:] = model.tendon_solref_fri[:] = stiff
     model.dof_solimp[:, :2] = model.tendon_solimp_fri[:, :2] = 0.9999
     data = mujoco.MjData(model)
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     t = np.arange(round(seconds * RATE)) / RATE
     frequency = rng.uniform(0.2, 2, (2, 4, 1))
     phase = rng.uniform(0, 6, (2, 4, 1))
@@ -120,7 +121,7 @@ def test_a_finger_that_follows_is_fitted_rolled_out_and_exported(tmp_path, kind,
 
 
 def test_bodies_of_the_file_alone_determine_the_scale_of_gains_that_nobody_states(tmp_path):
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     hand = hands.draw_hand("tendon", rng, 2)
     log = hands.record(hand, 8.0, 0.008, 500.0, rng)
     result = analyze(hand.write(tmp_path, fitted=True), log, quick=True)

@@ -1,7 +1,7 @@
 """Gains of torque columns from logs with and without a known load, simulated by another engine."""
 
-import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import IdentifiabilityError, Robot, analyze, payload, simulate
 from identifiability.simulation.motion import find_motion
@@ -34,7 +34,7 @@ def made(tmp_path_factory):
         path = folder / f"arm{k}.xml"
         path.write_text(ARM.format(load))
         robot = Robot.load(path)
-        rng = np.random.default_rng(k)
+        rng = default_rng(k)
         motion = find_motion(robot, "random", 1500, rng)
         frame = simulate(robot, motion, rng=rng).to_frame()
         for joint, gain in TRUE.items():
@@ -96,7 +96,7 @@ def test_what_cannot_be_is_refused(made):
 )
 def test_a_delta_needs_no_centre_and_coupled_motors_no_other_motion(model, load, wrong):
     robot = Robot.load(model)
-    log = simulate(robot, find_motion(robot, "random", 900, np.random.default_rng(0))).to_frame()
+    log = simulate(robot, find_motion(robot, "random", 900, default_rng(0))).to_frame()
     assert wrong not in payload(robot, log[:450], log[450:], mass=2.0, **load).details
 
 

@@ -4,6 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import (
@@ -65,7 +66,7 @@ def test_chunks_and_blocks_do_not_matter(regression):
 
 def seen_rows():
     """Rows of three actuators: the second sees two columns of five, the third the last alone."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     W = rng.normal(size=(600, 3, 5))
     W[:, 1, 2:] = 0.0
     W[:, 2, :4] = 0.0
@@ -74,7 +75,7 @@ def seen_rows():
 
 
 def test_refits_of_joints_that_share_no_column_hold_the_equations_of_one_at_a_time():
-    W = np.random.default_rng(0).normal(size=(400, 30, 150)) * np.tile(np.eye(30), 5)
+    W = default_rng(0).normal(size=(400, 30, 150)) * np.tile(np.eye(30), 5)
     whole = Information.of_rows("c" * 150, W, W.sum(2), np.zeros(400), 20)
     fit = estimate(whole)
     tracemalloc.start()

@@ -10,14 +10,6 @@ from identifiability.foundation.values import frozen
 
 
 @frozen
-class Plain:
-    """No arrays."""
-
-    name: str
-    size: int = 0
-
-
-@frozen
 class Held:
     """An array, and a check of its own."""
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import (
     IdentifiabilityError,
@@ -71,7 +72,7 @@ def test_a_load_acts_on_scales_and_on_friction_by_load(make_logs, moves, planted
 
 def test_a_load_hangs_from_the_base_as_it_leans():
     robot = Robot.load(ARM)
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     motion = find_motion(robot, "random", 800, rng)
     empty, loaded = (
         simulate(x.turned(np.array([0.5, -0.4, -9.8])), motion, noise=Noise(torque=0.01), rng=rng)
@@ -98,7 +99,7 @@ def test_intervals_hold_planted_loads(name, fit, make_logs):
     inside = []
     off = []
     for seed in range(5):
-        rng = np.random.default_rng(seed)
+        rng = default_rng(seed)
         load = PlantedLoad.draw(float(rng.uniform(0.5, 5.0)), rng)
         loaded = make_logs(name, load, seed=10 + seed)[1]
         for without in ([], [make_logs(name, seed=50 + seed)[1]]):
@@ -191,7 +192,7 @@ def test_friction_that_changed_is_estimated_beside_the_load_and_said(
 
 def test_noise_of_the_motion_is_said_where_it_is_large(make_logs, planted):
     empty, loaded = (log.without(["dq", "ddq"]) for log in make_logs(ARM, planted))
-    noise = np.random.default_rng(0).normal(scale=1e-3, size=loaded.q.shape)
+    noise = default_rng(0).normal(scale=1e-3, size=loaded.q.shape)
     result = analyze(ARM, empty, replicates=0, preparation=Preparation(cutoff=10.0))
     found = payload(ARM, result, replace(loaded, q=loaded.q + noise))
     assert "noise of the measured motion" in str(found.hints)

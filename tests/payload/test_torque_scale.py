@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import analyze, payload
 from identifiability.foundation.rounding import REACH
@@ -41,7 +42,7 @@ def test_the_prior_of_torque_constants_is_in_the_interval_where_the_file_is_no_w
 ):
     kept = fit(ARM)
     log = make_logs(ARM, planted, seed=3)[1]
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     heavy = (".m", ".mx", ".my", ".mz")
     placeholders = {
         name: value * (rng.uniform(0.1, 4.0) if name.endswith(heavy) else 1.0)
@@ -59,7 +60,7 @@ def test_the_prior_of_torque_constants_is_in_the_interval_where_the_file_is_no_w
 
 def test_the_factor_is_as_sure_as_files_whose_bodies_err_by_5_percent_allow():
     held = []
-    for rng in np.random.default_rng(0).spawn(150):
+    for rng in default_rng(0).spawn(150):
         bodies = rng.standard_normal((10, 6))
         fitted = bodies @ (1.0 + 0.05 * rng.standard_normal(6))
         found = compare_gravity(fitted, 1e-4 * np.eye(10), bodies.sum(1), bodies @ bodies.T)

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Information
@@ -24,7 +25,7 @@ LOGS = [
 
 def rows(seed=0, rho=0.0):
     """Two actuators, three columns, two logs of 400 and 200 samples; torque of size one."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     W = rng.standard_normal((ROWS, 2, 3)) * np.array([[1, 1, 0], [0, 1, 1]])
     return W, W @ TRUTH + 0.05 * ar1(rng, rho, ROWS, 2)
 
@@ -117,7 +118,7 @@ def test_exact_logs_louder_logs_and_too_few_blocks_are_left_alone():
     W, tau = rows()
     exact = gathered(W, W @ TRUTH)
     assert weigh_outliers(exact, WLS) == (exact, None)
-    tau[400:] += 0.5 * ar1(np.random.default_rng(0), 0, 200, 2)
+    tau[400:] += 0.5 * ar1(default_rng(0), 0, 200, 2)
     louder = gathered(W, tau)
     assert weigh_outliers(louder, WLS) == (louder, None)
     short = Information.of_rows(["a", "b", "c"], W[:25], tau[:25], np.zeros(25, int), SIZE)

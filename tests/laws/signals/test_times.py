@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import IdentifiabilityError, Log
@@ -159,7 +160,7 @@ def test_rows_tell_since_when_they_hold_what_comes_on_another_clock(rate, of_com
 @pytest.mark.parametrize("of_commands", [50, 25, 100, None])
 def test_rows_hold_since_their_times_what_comes_with_them_or_at_odd_times(of_commands):
     t = np.arange(0, 15, 0.01)
-    odd = np.sort(np.random.default_rng(3).uniform(0, 15, 600))
+    odd = np.sort(default_rng(3).uniform(0, 15, 600))
     number = np.searchsorted(odd, t) if of_commands is None else np.floor(t * of_commands + 1e-9)
     changes = np.diff(number, prepend=number[0]) != 0
     assert_array_equal(held_since(t, changes), t)
@@ -167,7 +168,7 @@ def test_rows_hold_since_their_times_what_comes_with_them_or_at_odd_times(of_com
 
 def test_what_comes_at_the_times_of_rows_appears_in_them_or_the_next():
     of_clock = np.sin(np.outer(np.arange(602), [0.11, 0.17]))
-    seen = of_clock[np.arange(1, 601) - (np.random.default_rng(3).random(600) > 0.6)]
+    seen = of_clock[np.arange(1, 601) - (default_rng(3).random(600) > 0.6)]
     assert (restore_values(seen)[0] - of_clock[1:-1]).std() < 0.02  # .06 before
 
 
