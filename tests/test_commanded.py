@@ -304,7 +304,7 @@ def test_gains_without_load_hold_beside_a_known_kv_and_a_limit_that_is_hardly_re
 def test_a_wrong_gain_is_found_where_errors_are_about_those_of_recording(tmp_path, size, asked):
     robot, _, found = record_hobby_arm(tmp_path, servos.Fault(3, "gain", size), **asked)
     (said,), *_ = find_odd_joints(robot, found)
-    assert re.search(r"'wrist_pitch' that is 0\.(7[4-7]|6[0-4])", said)
+    assert re.search(r"'wrist_pitch' of 1(3\.[3-8]|0\.[89]|1\.[0-5])", said)
 
 
 def test_a_search_leaves_friction_in_place_of_a_rotor(tmp_path):

@@ -15,7 +15,7 @@ import pandas as pd
 
 from identifiability.effects.base import apply_tilt
 from identifiability.estimation.combinations import find_combinations
-from identifiability.estimation.groups import describe_term
+from identifiability.estimation.groups import describe_term, shorten_places
 from identifiability.estimation.prediction import Prediction, change_interval, loaded_joints
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
@@ -527,6 +527,10 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     headline = first_sentence(*odd)
     notes = [n for n in result.cautions() if first_sentence(n.text) != headline]
     usual = answer_trust(notes, doubt, missing, result.warnings, _state_in_doubt(result))
+    named = result.missing.functions
+    if missing and [*map(shorten_places, named)] != [*named]:
+        places = sentence("trust", "places", each=named)
+        usual = replace(usual, more=join_sentences(usual.more, places))
     if doubt or not odd:
         return usual
     # One answer says once that care is needed.
