@@ -527,7 +527,8 @@ def shorten_places(effect: str) -> str:
 
 def _name_term(term: Term) -> str:
     """Return a group and its likeliest rivals in words."""
-    return " or ".join(shorten_places(describe_term(t)) for t in (term, *term.rivals[:3]))
+    names = map(describe_term, (term, *term.rivals[:3]))
+    return " or ".join(map(shorten_places, names))
 
 
 @frozen

@@ -672,7 +672,8 @@ def is_drift_of_integral(share: Share, robot: Robot) -> bool:
     """Return whether an effect changes with time as the torque of a servo that integrates does."""
     servo = robot.servo
     integrates = servo is not None and bool(servo.integral.any())
-    return integrates and find_family(share.term.group.family).against == "time"
+    family = find_family(share.term.group.family)
+    return integrates and family.against == "time"
 
 
 def _conclude_known(search: Search, known: MissingEffects) -> MissingEffects:

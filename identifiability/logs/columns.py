@@ -490,7 +490,7 @@ def _in_si(
 
 
 def _describe_unread(column: Column, kind: str, unread: str, source: str) -> str:
-    """Return the refusal of a unit that is not known, with what to state."""
+    """Return the sentence that refuses an unknown unit, with the remedy."""
     name = column.source.strip()
     example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
     gain = (

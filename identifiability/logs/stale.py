@@ -81,12 +81,16 @@ def _divide(evidence: Array, repeats: np.ndarray) -> np.ndarray:
     A repeat, (N,) bool, is stale. The row before it and the last row are not. Between repeats the
     first rows are.
     """
-    sure = np.abs(evidence).sum() * (1.0 * repeats - np.append(repeats[1:], 2))
+    is_before = np.append(repeats[1:], True)
+    is_last = np.arange(len(repeats)) == len(repeats) - 1
+    certain = np.abs(evidence).sum()
+    sure = certain * (1.0 * repeats - is_before - is_last)
     is_stale = np.zeros(len(evidence), bool)
     edges = np.unique([0, *np.flatnonzero(repeats), len(evidence)]).tolist()
     for start, stop in pairwise(edges):
         sums = np.cumsum((sure + evidence)[start:stop])
-        is_stale[start : start + np.argmax(np.append(0.0, sums))] = True
+        first = np.argmax(np.append(0.0, sums))
+        is_stale[start : start + first] = True
     return is_stale
 
 
@@ -104,8 +108,11 @@ def _smooth(x: Array, number: np.ndarray, weight: float) -> tuple[Array, float]:
     count = number.max() + 1
     shape = (count - 3, count)
     third = scipy.sparse.diags_array([-1.0, 3.0, -3.0, 1.0], offsets=range(4), shape=shape)
+    ones = np.ones(len(x))
     places = (np.arange(len(x)), number)
-    of_values = scipy.sparse.csr_array((np.ones(len(x)), places), shape=(len(x), count))
+    of_values = scipy.sparse.csr_array((ones, places), shape=(len(x), count))
     precision = of_values.T @ of_values + weight * third.T @ third
-    smooth = scipy.sparse.linalg.spsolve(precision.tocsc(), of_values.T @ x).reshape(count, -1)
-    return smooth, float(np.linalg.norm(third @ smooth, axis=1).sum())
+    found = scipy.sparse.linalg.spsolve(precision.tocsc(), of_values.T @ x)
+    smooth = found.reshape(count, -1)
+    differences = np.linalg.norm(third @ smooth, axis=1)
+    return smooth, float(differences.sum())

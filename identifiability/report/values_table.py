@@ -161,12 +161,15 @@ class _ModelRows:
             return Cell("–", np.nan)
         values, covariance = self.fit.of_labels
         total = float(weights @ values)
-        known = np.abs(weights @ self.fit.base_unknown).max(initial=0.0) < NEARLY
-        sigma = float(np.sqrt(weights @ covariance @ weights)) if known else np.inf
+        open_parts = weights @ self.fit.base_unknown
+        sigma = float(np.sqrt(weights @ covariance @ weights))
+        if np.abs(open_parts).max(initial=0.0) >= NEARLY:
+            sigma = np.inf
         sure = percent_of(sigma, total) <= Thresholds().sigma_percent
         word = Class.IDENTIFIABLE if sure else Class.NOT_IDENTIFIABLE
-        stated = stated_text(float(weights @ self.structure.nominal_base))
-        note = f"{word}; {sentence('values', 'file', value=f'{stated} kg')}"
+        stated = float(weights @ self.structure.nominal_base)
+        file = sentence("values", "file", value=f"{stated_text(stated)} kg")
+        note = f"{word}; {file}"
         return Cell(measured(total, sigma, "kg"), total, note, word)
 
     def show_mass(self, row: dict[str, Any] | None) -> Cell:

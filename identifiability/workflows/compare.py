@@ -269,12 +269,14 @@ def compare(
         torque = DifferentTorque.of(found, terms, len(unchanged.validation))
     later, earlier = sides.paths
     days = list_days(sides.samples, recordings.began)
+    days_before = days[sides.count :]
+    days_after = days[: sides.count]
     return Comparison(
         structure=unchanged.structure,
         submodel=submodel,
         before=earlier,
         after=later,
-        days=(*days[sides.count :], *days[: sides.count]),
+        days=(*days_before, *days_after),
         changes=changes,
         limits=list_unchanged(found, terms),
         lacks=list_lacks(found, terms),

@@ -654,9 +654,8 @@ def state_reading(
     carried = fit.reading
     if carried is None:
         return
-    yield Finding(
-        "carried_reading", text=phrase("carried_reading", part, what=carried.reading.description)
-    )
+    told = phrase("carried_reading", part, what=carried.reading.description)
+    yield Finding("carried_reading", text=told)
     literal = case.with_(reading=None)
     named = literal.samples(carried.structure.robot, run)
     logs = case.recordings(run)

@@ -412,7 +412,7 @@ def _state_unknown(chosen: ModelResult) -> str:
 
 
 def _name_kind(robot: Robot, v: Verdict) -> str:
-    """Return what a value is of, in words; nothing for a combination."""
+    """Return the kind of a value in words; nothing for a combination."""
     kinds: dict[str, str] = WORDS["analysis.known"]
     if v.others:
         return ""

@@ -820,7 +820,9 @@ def write_isaaclab(robot: Robot, given: NumberByName, content: ResultEntry, out:
     limits = np.minimum(-servo.low, servo.high)
     # In a table that names some joints only, Isaac Lab takes zero for the others; 1e9 is its
     # own number for no limit.
-    limits = np.where(np.isfinite(limits).any(), np.minimum(limits, 1e9), np.nan)
+    unlimited = 1e9
+    known = np.minimum(limits, unlimited)
+    limits = known if np.isfinite(limits).any() else np.full_like(limits, np.nan)
     columns = {"stiffness": servo.kp, "damping": servo.kv, "effort_limit": limits}
     kinds = {"armature": robot.inertia_parts[0], "friction": "Fc", "viscous_friction": "Fv"}
     for word, kind in (kinds | {"dynamic_friction": "Fc"}).items():

@@ -590,14 +590,15 @@ def find_path(
     """
     full = estimate(information, method)
     measured = whiten_regression(information, full, variation)
-    usable = tuple(
-        replace(move, zero=tuple(c for c in move.zero if c not in forbid)) for move in suggested
-    )
+    usable = []
+    for move in suggested:
+        zero = tuple(c for c in move.zero if c not in forbid)
+        usable.append(replace(move, zero=zero))
     asked = phrase("pruned", "asked")
     pairs = tuple(m for m in usable if m.kind is Kind.MERGE)
     forced = tuple(Move(Kind.FORCED, (c,), why=asked) for c in force)
     plan = Plan(
-        suggested=usable,
+        suggested=tuple(usable),
         pairs=pairs,
         forced=forced,
         kept=frozenset(forbid),
