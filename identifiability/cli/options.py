@@ -509,8 +509,8 @@ def _look(verb: str, typed: Mapping[str, Any], options: Mapping[str, Field]) -> 
     kinds = helps()["results"]
     for name, ends, value in writes:
         ends.check(value)
-        if value.suffix.lower() in (".json", ".html", ".htm") and (name in kinds or verb in kinds):
-            _check_kind(value, kinds.get(name) or kinds[verb])
+        if value.suffix.lower() in (".json", ".html", ".htm"):
+            _check_kind(value, kinds.get(name) or kinds.get(verb) or [verb])
     if robot is not None:
         from identifiability.robot.locate import locate_robot  # noqa: PLC0415
 
