@@ -109,7 +109,7 @@ def loose(path):
             odd = [x for x in decimals(node) + factors(node) if x not in PLAIN and x > 1e-200]
             odd += [x for x in whole if x != 100 or "percent" not in ast.unparse(node)]  # is one
             if odd and not told(lines, tree, node):
-                yield f"{path.name}:{node.lineno} compares with {odd}"
+                yield f"{path.name}:{node.lineno} compares with {odd}: use RULES, or say why above"
     for node in tree.body:
         if isinstance(node, ast.Assign) and decimals(node.value) + quotients(node.value):
             value = node.value
