@@ -18,6 +18,7 @@ from identifiability import (
     Preparation,
     Robot,
     analyze,
+    compare,
     diagnose,
     excite,
     export,
@@ -356,6 +357,7 @@ def test_drives_that_follow_speeds_are_fitted_rolled_out_and_exported(arm, tmp_p
         analyze(robot, log.filter(regex="t|q$|[rw].cmd"))
     result = judge(robot, log)
     kv = result.robot.servo.kv
+    assert "shoulder.kv" not in result.fit.servo
     assert_allclose(kv, own.kv, rtol=0.03)
     for name, (low, high) in result.to_frame(details=True).set_index("name").interval95.items():
         assert low <= TRUTH.get(name, low) <= high
@@ -603,11 +605,21 @@ def test_a_log_that_contradicts_the_files_bodies_says_so():
 def test_a_stated_delay_that_is_too_short_is_said_with_its_remedy(frames, tmp_path):
     arm = load_arm(tmp_path, SIDECAR + "delay = 0\n")
     found = judge(arm, frames[0])
+    assert "with its own delay of 0 ms" in found.moved.told
     export(arm, found, tmp_path / "fitted.xml")
     assert "delay" not in (tmp_path / "fitted.toml").read_text()
     said = found.statement
     told = r"it\? With care: by rollouts .* act 2\.\d ms after .*, not 0 ms as stated"
     assert re.search(told + '.*delay = "auto" below', said)
+
+
+def test_compare_finds_friction_that_grew_between_logs_of_commands(arm):
+    rng, how = default_rng(1), servos.Recorder(delay=0.007)
+    worn = TRUTH | {"elbow.Fc": 1.0}
+    logs = [draw(arm, 4.0, 0.35, how, rng, x) for x in (TRUTH, TRUTH, worn, worn)]
+    changed = compare(arm, logs[:2], logs[2:]).to_frame().set_index("name").dropna(subset="change")
+    assert {*changed.index} == {"elbow.Fc", "elbow.Fv"}
+    assert changed.low["elbow.Fc"] < 0.5 < changed.high["elbow.Fc"]
 
 
 def test_gains_that_contradict_the_motion_are_refused(arm, frames):

@@ -7,6 +7,7 @@ logs only. Effects that all logs may lack are groups, too.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError
@@ -25,7 +26,7 @@ from identifiability.regression.reduction import LadderLike, LadderSource, Submo
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, RobotLike
 
-from .case import MEASURED, Case, Data, take_case
+from .case import Case, Data, Use, follow, take_case
 from .changes import (
     Change,
     DifferentTorque,
@@ -40,14 +41,24 @@ from .sides import Sides, find_changes, list_days
 
 # The logs of a comparison.
 
+#: All logs count, with torque or with commands.
+SIDES = Use(divides=False)
 
-def read_sides(case: Case, run: Run) -> Recordings:
+
+def read_sides(case: Case, run: Run, *, commands: bool = False) -> Recordings:
     """Return the logs of a case, of which fitted and held-out ones are two sides.
+
+    Parameters
+    ----------
+    case : Case
+    run : Run
+    commands : bool
+        Whether torque may come from commands.
 
     Raises
     ------
     LogError
-        If a log stands on both, or torque comes from commands.
+        If a log stands on both, or torque comes from commands and must not.
     """
     try:
         sides = case.recordings(run)
@@ -55,9 +66,26 @@ def read_sides(case: Case, run: Run) -> Recordings:
         if error.key in ("twice.held", "twice.rows"):
             raise LogError(Finding("twice.sides")) from None
         raise
-    if sides.commanded:
+    if sides.commanded and not commands:
         raise LogError(Finding("sides.commands"))
     return sides
+
+
+def compute_torque(case: Case, structure: Structure, run: Run) -> tuple[Recordings, Structure]:
+    """Return both sides with torque of their servos, and the structure with these servos.
+
+    Torque of commands is corrected by rollouts. Each side has its own, as rollouts with friction of
+    the side before would hide a change. Both have the gains of the side before.
+    """
+    sides, known = case.torque(structure, run)
+    if not sides.commanded:
+        return sides, known
+    literal = case.recordings(run)
+    own = replace(literal, fitted=literal.held_out, held_out=(), hints=())
+    how = case.common_preparation(structure.robot, literal)
+    after, _ = case.stages.once(follow, own, known, how, run.seed, say=run.say)
+    hints = (*sides.hints, *after.hints)
+    return replace(sides, held_out=after.fitted, hints=hints), known
 
 
 # `Comparison`: the changes as numbers.
@@ -250,10 +278,12 @@ def compare(
     """
     run = Run(engine=engine or Serial())
     with one_thread("blas"):
-        case = take_case(robot, before, after, preparation, MEASURED)
+        case = take_case(robot, before, after, preparation, SIDES)
         source = case.ladder(ladder, beside=True)
-        recordings = read_sides(case, run)
-        data = case.data(case.first_structure(run, ladder), run, "compared")
+        recordings = read_sides(case, run, commands=True)
+        first = case.first_structure(run, ladder)
+        sides_read, structure = compute_torque(case, first, run)
+        data = case.data(structure, run, "compared", recordings=sides_read)
         unchanged = case.completed(data, run)
         if unchanged.unseen is None:
             raise LogError(Finding("sides.one"))
