@@ -737,6 +737,12 @@ def resolve_commands(
     if not known.joints or known.motion_alone:
         return False
     given = [c for c in taken.values() if c.kind in COMMANDS]
+    told = [repr(c.source) for c in given if c.kind in ("q_ref", "dq_ref")]
+    # Who has commands for most joints needs the servos first, whatever else is missing.
+    if known.servo is None and not torque and 2 * len(told) >= len(known.joints):
+        if known.base is None:
+            raise LogError(Finding("columns.servo", source, commands=told))
+        raise LogError(Finding("columns.stand", source, commands=told, body=known.base.body))
     lost = {}
     for kind in dict.fromkeys(c.kind for c in given):
         has = [c.joint for c in given if c.kind == kind]
@@ -756,12 +762,8 @@ def resolve_commands(
         raise LogError(
             tell_missing(source, missing, known.joints, _free(names, taken), known.passive)
         )
-    told = [repr(c.source) for c in taken.values() if c.kind in ("q_ref", "dq_ref")]
-    if told and known.servo is None:
-        if known.base is None:
-            raise LogError(Finding("columns.servo", source, commands=told))
-        raise LogError(Finding("columns.stand", source, commands=told, body=known.base.body))
-    return bool(told)
+    left = {c.kind for c in taken.values()}
+    return known.servo is not None and not left.isdisjoint(("q_ref", "dq_ref"))
 
 
 # Missing columns, with a remedy that can be copied.
@@ -837,6 +839,8 @@ def tell_missing(
     some = len(joints) < len(wanted)  # where all miss some, their names are others
     option = f"{_map_word('OLD', first)}, or name it under [columns] in the sidecar"
     maps = f" If one of {others} is it, add {option}." if free else RECORD
+    if free and _kind(first) == "tau":
+        maps = f"{maps} {phrase('columns.missing', 'currents')}"
     options_in_order = _rename_in_order(missing, free)
     if options_in_order and not spelled:
         maps = f" {phrase('columns.missing', 'order', maps=options_in_order)}"

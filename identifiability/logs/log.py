@@ -35,6 +35,7 @@ from .columns import tell_missing
 from .conventions import Conventions
 from .form import PLAIN
 from .formats.containers import stack_arrays
+from .formats.list_cells import spread_lists
 from .formats.reader import Whole
 from .rows import divide_rows, find_range, gather, is_long, spread_windows
 from .rules import RULES
@@ -191,11 +192,13 @@ class Log:
         name : str
             Name of the log in reports.
         conventions : Conventions, optional
-            As in `read`.
+            As in `read`. Commands count with those of a robot that has servos.
         """
         import pandas as pd  # noqa: PLC0415 - heavy, and files do not need it
 
         check_option("frame", frame, pd.DataFrame)
+        check_option("name", name, str)
+        frame = spread_lists(name, frame)
         log = _read_log(TableReader(name, conventions or Conventions()), [(frame, PLAIN, "")])
         values = log.to_frame()
         digest = hashlib.sha256(",".join(values.columns).encode())

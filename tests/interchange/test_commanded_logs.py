@@ -171,10 +171,10 @@ def test_cells_that_hold_lists_are_one_column_a_joint(ending, shown, arm, frame,
         table[feature] = lists
     path = tmp_path / f"run.{ending}"
     (table.to_csv if ending == "csv" else table.to_parquet)(path, index=False)
-    log = read(arm, path)
     plain = read(arm, frame)
-    assert_array_equal(log.q, plain.q)
-    assert_array_equal(log.q_ref, plain.q_ref)
+    for log in (read(arm, path), read(arm, table)):
+        assert_array_equal(log.q, plain.q)
+        assert_array_equal(log.q_ref, plain.q_ref)
     table.loc[7, "action"] = "[0.1, 0.2]"
     table.astype({"action": str}).to_csv(tmp_path / "short.csv", index=False)
     assert "lists in column 'action' do not all hold" in refused(arm, tmp_path / "short.csv")

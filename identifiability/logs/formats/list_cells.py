@@ -30,7 +30,7 @@ _BRACKETS = re.compile(
 _NUMPY_NUMBER = re.compile(r"\b\w{1,9}\.float\d+\(([^()]*)\)")
 
 
-def spread_lists(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
+def spread_lists(path: Path | str, frame: pd.DataFrame) -> pd.DataFrame:
     """Return a table in which each column of lists of numbers is one column an element.
 
     Element k of a feature of LeRobot belongs to joint k. Any other one is named ``<name>[k]``.
@@ -52,7 +52,7 @@ def spread_lists(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
     return pd.concat(parts, axis=1)
 
 
-def _spread(path: Path, column: pd.Series, width: int) -> pd.DataFrame:
+def _spread(path: Path | str, column: pd.Series, width: int) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
     names = _names_of_elements(str(column.name), width)
