@@ -95,7 +95,7 @@ def follow_commands(
         Receives a first answer of long logs.
     """
     robot = structure.robot
-    servo = robot.servo
+    servo = file_servo = robot.servo
     at = [k for k, log in enumerate(recordings.fitted) if of_commands(log)]
     if servo is None or not at:
         return recordings, structure
@@ -128,7 +128,9 @@ def follow_commands(
     # Rollouts of a structure need no record of how its gains were found.
     plain = replace(servos.robot, servo=replace(servos.servo, rolled=None))
     structure = replace(structure, robot=plain)
-    return _calibrate(recordings, structure, servos, at, irregular, how, rng), structure
+    recordings = _calibrate(recordings, structure, servos, at, irregular, how, rng)
+    rolled = replace(servos.found, search=(), file_servo=file_servo)
+    return replace(recordings, rolled=rolled), structure
 
 
 def _take_logs(
@@ -308,14 +310,12 @@ def _calibrate(
     ]
     hints = (_state_calibrated(servos, list(own.values())), *servos.findings, *irregular)
     every = (*hints, *_state_limits(structure, held_out, [*own.values()], found, how))
-    rolled = replace(found, search=())
     return replace(
         recordings,
         fitted=tuple(own.get(k, log) for k, log in enumerate(recordings.fitted)),
         held_out=tuple(held_out),
         hints=(*every, *recordings.hints),
         later=tuple(later),
-        rolled=rolled,
     )
 
 

@@ -75,6 +75,7 @@ def with_numbers(servo: Servo, found: Rollouts) -> Servo:
     doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
     # A smaller uncertainty counts as zero.
     doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
+    doubt[:, np.diag(found.covariance) == 0] = 0.0  # of stated gains; axes are known to rounding
     return replace(servo.having(found.numbers), source=FOUND, doubt=doubt)
 
 

@@ -45,6 +45,8 @@ class Rollouts:
         Rows of each log in which something outside the robot holds a joint.
     search : tuple
         The problem, and where its search ended: vector, positions, weighted derivative.
+    file_servo : Servo or None
+        The servos as they are stated, before rollouts changed their numbers.
     """
 
     numbers: Mapping[str, Array]
@@ -57,6 +59,7 @@ class Rollouts:
     unsure: Array
     blocked: tuple[np.ndarray, ...] = ()
     search: tuple[Any, ...] = ()
+    file_servo: Any = None
 
 
 def are_contradicted(missed: Array) -> bool:

@@ -267,14 +267,6 @@ class TorquePrediction(Result):
         return self.note_written("table", write_table(path, self.to_frame(details=True)))
 
 
-# `Fit`: the model in a result: values, their covariance, residual scatter of the torque.
-#
-# It comes from a result (`Predicts`) or from its JSON (`read_fit`), whichever `find_fit` is given.
-
-
-# The robot that the JSON of a result is about.
-
-
 class Entry(BaseModel):
     """Part of a result's JSON; other keys are ignored."""
 
@@ -1331,12 +1323,16 @@ def move_fitted(
         return None
     try:
         fitted_values = {**drop_follower_friction(robot), **values}
-        pairs = {"robot file": {}, "fitted model": fitted_values}
         rolled = logs.rolled
+        stated = robot if rolled is None else replace(robot, servo=rolled.file_servo)
+        machines: list[Machine] = [
+            (stated, "robot file", {}),
+            (robot, "fitted model", fitted_values),
+        ]
         if rolled and beside:
-            pairs |= {"one without what was named": rolled.parameters}
+            machines.append((robot, "one without what was named", rolled.parameters))
         late = None if unseen or rolled is None else rolled.delays
-        runs = tuple(_move(robot, *pair, own, late) for pair in pairs.items())
+        runs = tuple(_move(*machine, own, late) for machine in machines)
     except RobotError:
         return None
     standing = _list_standing(robot, fitted)

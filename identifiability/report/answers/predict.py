@@ -322,11 +322,15 @@ def _state_runs(result: PositionPrediction) -> str:
     """Return the errors of the positions of each robot, the fitted one first."""
     about = "rollout.errors"
     each = []
-    for run, total in zip(result.runs, result.totals, strict=True):
+    late = [float(np.median(run.delays)) for run in result.runs]
+    for run, total, delay in zip(result.runs, result.totals, late, strict=True):
         part = "error" if np.isfinite(total) else "diverges"
         size = _state_size(result, run.errors)
         error = sentence(about, part, size=size)
-        each.append(f"{run.name} {error}")
+        # The best delay of a file without friction stands for that friction.
+        differs = abs(delay - late[-1]) > VISIBLE * abs(late[-1])
+        own = sentence(about, "delayed", delay=1e3 * delay) if differs else ""
+        each.append(join_sentences(f"{run.name} {error}", own))
     return ", ".join(each[::-1])
 
 
