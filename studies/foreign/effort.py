@@ -87,7 +87,7 @@ EFFORT = [
     ),
     Case("per cent in the header", "effort",
          csv(lambda f, _: f.rename(columns=lambda c: f"{c} [%]" if c.endswith("tau") else c)),
-         ("states the unit '%'",)),
+         ("in percent",)),
 ]  # fmt: skip
 
 WRIST = ("joint_6",)

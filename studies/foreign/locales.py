@@ -85,7 +85,7 @@ LOCALES = [
     _case("German, increments", export(GERMAN, "cp1252", like=_as(1, "Ink"), **COMMAS),
           "states the unit 'Ink'"),
     _case("German, per cent", export(GERMAN, "cp1252", like=_as(3, "%"), **COMMAS),
-          "states the unit '%'"),
+          "in percent"),
     _case("French, Windows-1252", export(FRENCH, "cp1252", **COMMAS)),
     _case("French, ISO 8859-1, velocities", export(FRENCH, "latin-1", velocity=True, **COMMAS)),
     _case("French, tabs, UTF-16", export(FRENCH, "utf-16", sep="\t", decimal=",")),

@@ -94,7 +94,8 @@ class DiagnosisPresenter(PredictingPresenter):
         # The answer above states the error: this one is headed by the uses, if no joint stands out.
         if result.moved is None and np.isfinite(self.errors()[0]) and "; " not in error.short:
             question = sentence("diagnosis.residual", "uses")
-            left = join_sentences(self.state_limit(), self._state_worst("left")[0])
+            worst, noisy, _ = self._state_worst("left")
+            left = join_sentences(self.state_limit(), worst, noisy)
             more = sentence("laddered.measured", "about")
             tone = TONES[self.grade_uses()]
             tone = error.tone if tone == "green" else tone
