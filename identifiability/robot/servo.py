@@ -70,6 +70,8 @@ class Servo:
         Integral gains; NaN if they are to be fitted, and empty for none.
     doubt : (g, 3 n)
         Changes of ki, kv and log kp for each of g independent errors of one standard deviation.
+    kept : bool
+        Whether the scale of the gains holds, as that of other logs with which these are compared.
     """
 
     kp: Array
@@ -88,6 +90,7 @@ class Servo:
     slide: Array = np.zeros(0)
     ki: Array = np.zeros(0)
     doubt: Array = np.zeros((0, 0))
+    kept: bool = False
 
     @property
     def gain(self) -> Array:
@@ -213,7 +216,7 @@ class Servo:
         reach = REACH * np.sqrt(by_rollouts.sum())
         # A ratio that rollouts do not determine may still be far from one: they are not linear.
         apart = np.sum(larger / shares, where=by_rollouts > 0)
-        return not self.rolled and bool(abs(apart) > reach)
+        return not (self.rolled or self.kept) and bool(abs(apart) > reach)
 
     def reaches_limit(self, torque: Array) -> np.ndarray:
         """Return joints whose torque, (N, n), is at a limit in some row, (n,) bool."""

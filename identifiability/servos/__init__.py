@@ -23,7 +23,7 @@ from .positions import forgotten, rms_of_judged
 from .rollouts import Rollouts
 from .standing import state_standing
 from .start import settle_joints
-from .torque import compute_torque, servo_log
+from .torque import compute_torque, replace_servo, servo_log
 from .windows import moving_commands
 
 __all__ = [
@@ -41,6 +41,7 @@ __all__ = [
     "learn_gains",
     "leave_out_blocked",
     "moving_commands",
+    "replace_servo",
     "rms_of_judged",
     "roll_delayed",
     "select_commanded",

@@ -20,6 +20,7 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
+from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare import Preparation
 from identifiability.quality.recordings import Logs, Recordings
 from identifiability.regression.reduction import LadderLike, LadderSource, Submodel, build_ladder
@@ -66,7 +67,8 @@ def read_sides(case: Case, run: Run, *, commands: bool = False) -> Recordings:
         if error.key in ("twice.held", "twice.rows"):
             raise LogError(Finding("twice.sides")) from None
         raise
-    if sides.commanded and not commands:
+    commanded = [any(map(of_commands, side)) for side in (sides.fitted, sides.held_out)]
+    if any(commanded) and not (commands and all(commanded)):
         raise LogError(Finding("sides.commands"))
     return sides
 
@@ -80,12 +82,19 @@ def compute_torque(case: Case, structure: Structure, run: Run) -> tuple[Recordin
     sides, known = case.torque(structure, run)
     if not sides.commanded:
         return sides, known
+    from identifiability.servos import replace_servo  # noqa: PLC0415 - MuJoCo
+
+    servo = known.robot.servo
+    assert servo is not None  # commands make torque
     literal = case.recordings(run)
     own = replace(literal, fitted=literal.held_out, held_out=(), hints=())
     how = case.common_preparation(structure.robot, literal)
-    after, _ = case.stages.once(follow, own, known, how, run.seed, say=run.say)
-    hints = (*sides.hints, *after.hints)
-    return replace(sides, held_out=after.fitted, hints=hints), known
+    same = replace(known, robot=replace(known.robot, servo=replace(servo, found="", kept=True)))
+    after, other = case.stages.once(follow, own, same, how, run.seed, say=run.say)
+    own_servo = other.robot.servo
+    assert own_servo is not None
+    held_out = tuple(replace_servo(log, own_servo, servo) for log in after.fitted)
+    return replace(sides, held_out=held_out, hints=(*sides.hints, *after.hints)), known
 
 
 # `Comparison`: the changes as numbers.

@@ -158,7 +158,7 @@ def say_delays(robot: Robot, missing: MissingEffects) -> Iterator[Finding]:
         joints = robot.motor_joints if group.place == EVERYWHERE else (group.place,)
         sd = np.linalg.norm(effect.root, axis=0)
         values = zip(joints, 1e3 * effect.value, 1e3 * sd, strict=False)
-        each = [f"{joint} {late:+.2g} ± {error:.1g}" for joint, late, error in values]
+        each = [f"{joint} {late:+.3g} ± {error:.2g}" for joint, late, error in values]
         yield Finding("late_commands", each=each, stated=robot.servo.delay is not None)
 
 
