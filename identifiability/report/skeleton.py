@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import for_svg
+from identifiability.foundation.rounding import format_number
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import WORLD, Joint, Point, shortest_turn
 
@@ -38,6 +39,8 @@ class _Parts:
         self.points: list[Array] = []
         self.shapes: list[Shape] = []
         self.tips: list[int] = []
+        #: Points at which level rails carry the robot.
+        self.rails: set[int] = set()
         for k in range(len(self.tree.joints)):
             self.add(self.frames.origin[k])
 
@@ -133,15 +136,21 @@ def _trace(robot: Robot, poses: Array, load: Point | None) -> _Parts:
         taper = 0.92 ** len(robot.tree.chain(k))
         parts.connect([k, *ends], "body", width * taper)
     if robot.base is None:
-        roots = [at for at, joint in zip(mounted, joints, strict=True) if joint.parent == WORLD]
+        pairs = zip(mounted, joints, strict=True)
+        roots = [at for at, j in pairs if j.parent == WORLD and at not in parts.rails]
         roots += [parts.add_point(WORLD, p.position) for p in closing if p.joint == WORLD]
         parts.connect(roots, "base", 1.2 * width)
-        middle = np.mean([parts.points[k][0] for k in roots], axis=0)
-        up = _directions(robot)[2]
-        foot = middle - up * (middle @ up)
-        stand = [parts.add(x[:, None]) for x in (middle, foot)]
-        parts.connect(stand, "base", 1.6 * width)
+        if roots:
+            _stand(parts, roots, width)
     return parts
+
+
+def _stand(parts: _Parts, points: Sequence[int], width: float) -> None:
+    """Add a post from the ground to the middle of some points."""
+    top = np.mean([parts.points[k][0] for k in points], axis=0)
+    up = _directions(parts.robot)[2]
+    stand = [parts.add(x[:, None]) for x in (top, top - up * (top @ up))]
+    parts.connect(stand, "base", 1.6 * width)
 
 
 def _tip(parts: _Parts, body: str, joint: int) -> list[int]:
@@ -169,11 +178,20 @@ def _mount(parts: _Parts, k: int, width: float) -> int:
         ends = [parts.add(parts.frames.origin[k] + sign * axis) for sign in (1.0, -1.0)]
         parts.shapes.append(Shape(tuple(ends), "joint", 0.9 * width))
         return k
+    return _mount_slide(parts, k, width)
+
+
+def _mount_slide(parts: _Parts, k: int, width: float) -> int:
+    """Add the shape of a sliding joint, and return the point at which its parent carries it."""
+    joint = parts.tree.joints[k]
     along = parts.poses[:, joint.iq]
     low = float(along.min())
     high = float(along.max())
     start = parts.place_of(joint)
-    if low > 0.0:  # a cylinder, and the rod that comes out of it
+    stage = joint.parent == WORLD or parts.tree.joints[joint.parent].kind == "prismatic"
+    if stage and not {*joint.dofs} <= {*parts.robot.joints}:
+        return start  # a coordinate of a platform
+    if low > 0.0 and not stage:  # a cylinder, and the rod that comes out of it
         end = parts.place_of(joint, 0.75 * low)
         parts.connect([end, k], "rod", 0.5 * width)
         parts.connect([start, end], "cylinder", 1.1 * width)
@@ -181,6 +199,11 @@ def _mount(parts: _Parts, k: int, width: float) -> int:
         rail = [parts.place_of(joint, low - width), parts.place_of(joint, high + width)]
         parts.connect(rail, "rod", 0.45 * width)
         parts.connect([start, k], "rod", 0.45 * width)
+        rises = (joint.rotation @ joint.axis) @ _directions(parts.robot)[2]
+        if joint.parent == WORLD and abs(rises) < 0.5:
+            parts.rails.add(start)
+            for end in rail:
+                _stand(parts, [end], width)
     return start
 
 
@@ -340,7 +363,7 @@ def _state_sizes(x: Array, how: str, unit: str) -> list[str]:
     about = "moving.now"
     word = how if how in WORDS[about] else "missed"
     sizes = x if word in ("changed", "hangs") else np.abs(x)
-    texts = (f"{size:.2g}\N{NO-BREAK SPACE}{unit}".replace("-", "−") for size in sizes)
+    texts = (f"{format_number(size, 2)}\N{NO-BREAK SPACE}{unit}" for size in sizes)
     return [sentence(about, "none" if "nan" in text else word, size=text) for text in texts]
 
 
