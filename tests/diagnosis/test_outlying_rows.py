@@ -24,9 +24,11 @@ def test_a_burst_leaves_the_study_its_name_and_its_error(rows, size, study, name
     burst = pd.read_csv(study / "run1.csv")
     effort = burst["joint_2.tau"]
     burst.loc[375 : 375 + rows - 1, "joint_2.tau"] += size * effort.std()
+    burst.loc[600:660, "joint_2.tau"] = None
     logs = [burst, study / "run2.csv"]
     found = diagnose(study / "robot.urdf", logs, study / "run3.csv", forward=False, quick=True)
     assert named(found) == [("stribeck_friction", ("joint_2",))]
+    assert found.curves[0].data.all()  # nothing is drawn of rows that nobody measured
     (placed,) = found.effects[0].placements
     assert placed.peak <= placed.values[0]
     assert found.held_after < 0.0125

@@ -811,7 +811,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     plain_fit = naming.of(problem.plain)
     later_fits = (naming.fit(order[:n]) for n in ends)
     fits = [plain_fit @ plain.base, *later_fits]
-    residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
+    fitted = naming.predict_excerpt(fits[-1])
     found = verify_effects(naming, fits, plain)
     if 0 < found.included < len(parts):
         return conclude(without_parts(naming, range(found.included, len(parts))), rng)
@@ -819,8 +819,10 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         doubtful = find_doubtful(naming)
         if 0 < len(doubtful) < len(parts):
             return conclude(without_parts(naming, doubtful), rng)
-    curves = tuple(_curve(naming, residual, k, p) for own in placed for k, p in own.items())
-    discrepancies = tuple(find_discrepancies(naming.fitted, residual, problem.robot.joints))
+    curves = tuple(_curve(naming, fitted, k, p) for own in placed for k, p in own.items())
+    discrepancies = tuple(
+        find_discrepancies(naming.fitted, fitted.residual[..., 0], problem.robot.joints)
+    )
     return Diagnosis(
         problem=problem,
         effects=tuple(_list_effects(naming, placed, found.gap, rng)),
@@ -939,25 +941,23 @@ def _law(naming: Naming, k: int, j: int) -> Array:
     return _unfiltered(naming, c.part)[:, j]
 
 
-def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
+def _curve(naming: Naming, fitted: Prediction, k: int, placed: Placement) -> Curve:
     """Return the learned law of a part along the fitted motion."""
     c = naming.parts[k].candidate
     columns = {j: naming.columns([k], j) for j in naming.acts(k)}
     sizes = {j: np.abs(own @ placed.values).sum() for j, own in columns.items()}
     j = max(sizes, key=sizes.__getitem__)
     of = c.effect.drawn_over(naming.problem.robot, j)
+    measured = fitted.data[:, j]
     added = columns[j] @ placed.values
-    law = _law(naming, k, j)
-    x = naming.fitted.along(of)[c.family.against]
-    variance = law**2 @ placed.errors**2
-    data = left[:, j] + added
+    law = _law(naming, k, j)[measured]
     return Curve(
         title=c.family.title,
         joint=j,
         of=of,
         against=c.family.against,
-        x=x,
+        x=naming.fitted.along(of)[c.family.against][measured],
         learned=law @ placed.values,
-        spread=np.sqrt(variance),
-        data=data,
+        spread=np.sqrt(law**2 @ placed.errors**2),
+        data=(fitted.residual[:, j, 0] + added)[measured],
     )
