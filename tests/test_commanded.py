@@ -26,6 +26,7 @@ from identifiability import (
     predict,
     prune,
 )
+from identifiability.effects import FAMILIES
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs.prepare.preparation import choose_cutoff
@@ -122,6 +123,10 @@ def test_doubts_hold_the_effect_of_a_speed_filter_and_a_current_loop(arm):
     ]
     error, *doubts = np.array(each) - [servo.damping, servo.lead]
     assert np.all(abs(error) < 2 * np.linalg.norm(doubts, axis=0))
+    fitted = replace(arm, servo=replace(servo, doubt=np.eye(6)[-1:]))  # the gain of the last joint
+    refuse = FAMILIES["torque_scale"].refuse
+    assert refuse(fitted, "elbow")
+    assert not refuse(fitted, "shoulder")
 
 
 def test_a_quadruped_that_floats_by_its_file_stands_where_its_sidecar_says_so(tmp_path):

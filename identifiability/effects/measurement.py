@@ -234,10 +234,19 @@ class CommandDelay(TimeDelay):
 # A joint whose torque is measured in wrong units: a gain that is off.
 
 
+def _needs_stated_gain(robot: Robot, place: str) -> str:
+    """Return why torque has no wrong scale, or why none can be told; empty if one can."""
+    if robot.servo is not None and place in robot.joints:
+        log_kp = robot.joints.index(place) - len(robot.joints)
+        if any(change[log_kp] for change in robot.servo.doubt):
+            return "the logs determine the gain of its servo, and so this scale"
+    return needs_masses(robot, place)
+
+
 @declare(
     "a wrong scale of the torque",
     actuated_joints,
-    refuse=needs_masses,
+    refuse=_needs_stated_gain,
     against="load",
     loaded=True,
     told_by=POSTURES,
