@@ -50,6 +50,14 @@ def escaped(name):
     return ET.tostring(ET.Element("x", name=name), "unicode").partition('"')[2].rpartition('"')[0]
 
 
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    place = tmp_path / "work"
+    place.mkdir()
+    monkeypatch.chdir(place)
+    return place
+
+
 def hostile_robot(folder, joints):
     """Write the two-link arm under other names."""
     text = Robot.load("two-link").path.read_text(encoding="utf-8")
@@ -197,10 +205,7 @@ def typed(body):
         pytest.param(NAMES[2], marks=pytest.mark.pictures),
     ],
 )
-def test_names_run_nowhere_and_break_nothing(joints, tmp_path, shell, monkeypatch):
-    folder = tmp_path / "work"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
+def test_names_run_nowhere_and_break_nothing(joints, tmp_path, folder, shell, monkeypatch):
     robot = hostile_robot(folder, joints)
     assert robot.joints == joints
     write_logs(robot, folder)
@@ -242,10 +247,7 @@ def check_files(folder, robot, monkeypatch):
         assert fits == [k == 0, k == 1]
 
 
-def test_a_new_study_runs_what_it_was_given_and_nothing_else(tmp_path, shell, monkeypatch):
-    folder = tmp_path / "work"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
+def test_a_new_study_runs_what_it_was_given_and_nothing_else(tmp_path, folder, shell, monkeypatch):
     write_logs(hostile_robot(folder, NAMES[1]), folder)
     said = call(
         "new", "--robot", f"./{ROBOT}", f"./-s {SHELL.replace('/', '')}", f"./{LOG}", HELD_OUT
@@ -332,10 +334,7 @@ def test_a_table_of_names_becomes_a_file_with_these_names(name, sentence, tmp_pa
         assert Robot.load(made / "robot.urdf").joints == (f"{name}j",)
 
 
-def test_a_path_that_is_no_utf_8_is_copied_to_the_byte(tmp_path, shell, monkeypatch):
-    folder = tmp_path / "work"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
+def test_a_path_that_is_no_utf_8_is_copied_to_the_byte(folder, shell):
     name = os.fsdecode(b"a\xff\n.xml")
     (folder / name).write_bytes(Robot.load("two-link").path.read_bytes())
     said = call("inspect", name, "--report", "p.html", "--json", "p.json")

@@ -15,6 +15,11 @@ def known(**options):
     return Conventions.of(Robot.load("two-link", **options))
 
 
+@pytest.fixture(name="known")
+def known_of_two_link():
+    return known()
+
+
 @pytest.fixture
 def simulated():
     """A function (robot, samples, noise level) -> DataFrame of its own."""

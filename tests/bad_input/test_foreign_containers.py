@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.io import savemat
 
-from identifiability import Log, Robot, analyze
+from identifiability import Log, analyze
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.options import OptionError
 from identifiability.logs.conventions import Conventions
@@ -17,11 +17,6 @@ from identifiability.logs.formats.reader import READERS, check_there, reader
 from identifiability.quality.recordings import read_recordings
 
 JOINTS = ("shoulder", "elbow")
-
-
-@pytest.fixture
-def known():
-    return Conventions.of(Robot.load("two-link"))
 
 
 @pytest.fixture

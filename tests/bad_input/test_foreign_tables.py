@@ -10,11 +10,6 @@ from identifiability.logs.conventions import Conventions
 
 
 @pytest.fixture
-def known():
-    return Conventions.of(Robot.load("two-link"))
-
-
-@pytest.fixture
 def bare(bare):
     """Values with few digits, some of them whole."""
     return bare.round(6)

@@ -3,15 +3,10 @@
 import numpy as np
 import pytest
 
-from identifiability import Robot, excite, simulate
+from identifiability import excite, simulate
 from identifiability.simulation import PrescribedMotion
 
 QUICK = {"evaluations": 400, "samples": 200, "duration": 4.0}
-
-
-@pytest.fixture(scope="module")
-def arm():
-    return Robot.load("two-link")
 
 
 def torque_of(robot, motion):
@@ -19,13 +14,13 @@ def torque_of(robot, motion):
 
 
 @pytest.mark.parametrize("kind", ["tau", "power"])
-def test_a_motion_stays_below_what_the_drives_can_do(arm, kind):
-    free = excite(arm, seed=0, **QUICK)
-    tau = torque_of(arm, PrescribedMotion(*free.motion))
+def test_a_motion_stays_below_what_the_drives_can_do(two_link, kind):
+    free = excite(two_link, seed=0, **QUICK)
+    tau = torque_of(two_link, PrescribedMotion(*free.motion))
     asked = np.abs(tau if kind == "tau" else tau * free.motion[2]).max(0)
-    most = {j: {kind: float(0.7 * a)} for j, a in zip(arm.joints, asked, strict=True)}
-    tame = excite(arm, seed=0, limits=most, **QUICK)
+    most = {j: {kind: float(0.7 * a)} for j, a in zip(two_link.joints, asked, strict=True)}
+    tame = excite(two_link, seed=0, limits=most, **QUICK)
     for motion in (PrescribedMotion(*tame.motion), tame.play(200.0)):
-        used = torque_of(arm, motion)
+        used = torque_of(two_link, motion)
         used = np.abs(used if kind == "tau" else used * motion.dq).max(0)
         assert (used <= 1.02 * 0.7 * asked).all()

@@ -52,14 +52,19 @@ def torque_outside(exported, copy, samples):
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
+def torque_model(robot):
+    """Return the model of all that a file and its sidecar say, and its values."""
+    every = Model(tuple(f.effect for f in FAMILIES.values() if f.name != "coulomb_friction"))
+    return every, np.array([robot.nominal.get(p.name, 0.0) for p in every.parameters(robot)])
+
+
 def replay(robot, result, log, folder):
     """Export a result and evaluate file, and file with sidecar, on the log."""
     path = result.to_json(folder / "result.json")
     exported = export(robot, path, folder / f"fitted{robot.path.suffix}", force=True)
     copy = Robot.load(exported.robot)
     samples = log if isinstance(log, Dataset) else fitted_samples(copy, result, log)
-    every = Model(tuple(f.effect for f in FAMILIES.values() if f.name != "coulomb_friction"))
-    phi = np.array([copy.nominal.get(p.name, 0.0) for p in every.parameters(copy)])
+    every, phi = torque_model(copy)
     chunks = Regression(copy, every, (samples,)).chunks()
     found = torque_outside(exported, copy, samples)
     found["whole"] = np.concatenate([(c.W @ phi)[c.data] for c in chunks])

@@ -6,14 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability import Model, Robot
-from identifiability.effects import FAMILIES
+from identifiability import Robot
 from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export.snippet import OWN, write_snippet
 from identifiability.workflows.export.workflow import _reread, write_parameters
 
 from .. import roads
+from .conftest import torque_model
 
 #: What no MJCF holds.
 LACKING = (
@@ -25,8 +25,7 @@ LACKING = (
 
 def torque(robot, motion):
     """Return the torque of all that file and sidecar say."""
-    every = Model(tuple(f.effect for f in FAMILIES.values() if f.name != "coulomb_friction"))
-    phi = np.array([robot.nominal.get(p.name, 0.0) for p in every.parameters(robot)])
+    every, phi = torque_model(robot)
     return every.regressor(robot, motion) @ phi
 
 

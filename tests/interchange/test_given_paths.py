@@ -7,31 +7,18 @@ import shlex
 from itertools import pairwise
 
 import pytest
-import typer
-from typer.testing import CliRunner
 
 from identifiability import Log, Robot
-from identifiability.cli import app
 from identifiability.foundation.names import shorten_paths
 
-OPTIONS = {
-    verb: {o for p in command.params for o in p.opts}
-    for verb, command in vars(typer.main.get_command(app))["commands"].items()
-}
+from ..test_next_lines import call
+
 ROBOT = "my arm/two link.xml"
 
 #: Fitted and held-out logs.
 EQUAL_NAMES = (["x/run.csv", "y/run.csv"], ["the z/run.csv", "w/run.csv"])
 BAGS = (["bag1:/joint_states", "bag2:/joint_states"], ["bag3:/joint_states"])
 APART = (["run.csv", "x/run.csv"], [])
-
-
-def call(words):
-    """Run a command in this process, quickly; return what it says."""
-    more = [x for x in ("--quick",) if x in OPTIONS[words[0]]]
-    done = CliRunner().invoke(app, [*words, *more])
-    assert done.exit_code == 0, f"{shlex.join(words)}\n{done.output}\n{done.exception}"
-    return done.stdout
 
 
 @pytest.fixture

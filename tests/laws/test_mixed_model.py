@@ -85,6 +85,12 @@ def dense(Z, y, runs=RUNS):
     return np.concatenate(rows), np.concatenate(values), block_diag(*blocks)
 
 
+def spread(model, A, term):
+    """Return the covariance that a term adds to rows."""
+    Z = A[:, term.columns] / model.scale[term.columns]
+    return term.variance * Z @ Z.T
+
+
 def restricted(X, y, V):
     """Log-likelihood of what is left beside X, with X integrated out."""
     W = np.linalg.inv(V)
@@ -103,10 +109,7 @@ def test_solving_is_generalised_least_squares_under_the_marginal_covariance(rows
     model, (A, y, V) = model_of(products_of(*rows)), dense(*rows)
     terms = (Term(GROUPS[0], 2, 0.3, 0.0), Term(GROUPS[1], 0, 0.05, 0.0))
     X = A[:, :FIXED]
-    whole = V.copy()
-    for t in terms:
-        Z = A[:, t.columns] / model.scale[t.columns]
-        whole += t.variance * Z @ Z.T
+    whole = V + sum(spread(model, A, t) for t in terms)
     W = np.linalg.inv(whole)
     covariance = np.linalg.inv(X.T @ W @ X)
     s = model.solve(terms)
@@ -121,8 +124,7 @@ def test_gains_are_marginal_likelihoods_averaged_over_shapes_sizes_and_signs(row
     """By brute force, beside a term; the sign of a curve is that of the likeliest of its shapes."""
     model, (A, y, V) = model_of(products_of(*rows)), dense(*rows)
     beside = Term(GROUPS[2], 0, 0.2, 0.0)
-    Z = A[:, beside.columns] / model.scale[beside.columns]
-    V = V + beside.variance * Z @ Z.T
+    V = V + spread(model, A, beside)
     X = A[:, :FIXED]
     bare = restricted(X, y, V)
     for found in model.gains((beside,)):

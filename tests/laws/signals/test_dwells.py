@@ -37,13 +37,15 @@ def swing(t):
     return 0.6 * np.sin(2 * np.pi * 0.9 * t)
 
 
-def samples_of(two, t, q, other, how=None, **channels):
+def log_of(two, t, *q, **channels):
     frame = {"t": t}
-    for joint, x in zip(two.joints, (q, other), strict=True):
-        frame |= {f"{joint}.q": x, f"{joint}.tau": np.ones(len(t)) + x}
-    for kind, columns in channels.items():
+    for kind, columns in {"q": q, "tau": np.add(q, 1.0), **channels}.items():
         frame |= {f"{j}.{kind}": x for j, x in zip(two.joints, columns, strict=True)}
-    return prepare_log(two, Log.from_frame(pd.DataFrame(frame)), how or Preparation())
+    return Log.from_frame(pd.DataFrame(frame))
+
+
+def samples_of(two, t, q, other, how=None, **channels):
+    return prepare_log(two, log_of(two, t, q, other, **channels), how or Preparation())
 
 
 def beside_turns(motion, reach):
@@ -126,10 +128,7 @@ def test_a_log_that_is_cut_in_two_has_the_same_data(two):
     t = np.arange(2 * len(t)) / RATE
     swings = [0.3 * np.sin(2 * np.pi * f * t + 0.3) for f in (0.7, 0.9)]
     swings[0][: len(q)] = q  # in the second half nothing stands
-    frame = {"t": t}
-    for joint, x in zip(two.joints, swings, strict=True):
-        frame |= {f"{joint}.q": x, f"{joint}.tau": np.ones(len(t)) + x}
-    whole = Log.from_frame(pd.DataFrame(frame))
+    whole = log_of(two, t, *swings)
     parts = [whole.rows(0, len(q)), whole.rows(len(q), len(t))]
     ways = [choose_cutoff(two, logs, Preparation(cutoff=8.0)) for logs in ([whole], parts)]
     one = prepare_log(two, whole, ways[0])
