@@ -155,8 +155,8 @@ def find_blocked(machine: CommandedRobot, log: Log) -> np.ndarray:
         return blocked
     gain = machine.servo.gain
     judged = np.flatnonzero((gain > 0) & ~(machine.servo.integral > 0) & ~log.is_unmeasured)
-    rests = {j: list_rests(log, j) for j in judged.tolist()}
-    if not any(rests.values()):
+    rests = {j: each for j in judged.tolist() if (each := list_rests(log, j))}
+    if not rests:
         return blocked
     apart = log.q_ref - log.q - machine.gravity(log.q) / np.where(gain > 0, gain, 1.0)
     rows = resting_rows(log)
@@ -181,12 +181,9 @@ def _find_held_rests(
     """
     held = np.zeros(len(q), bool)
     let_go = np.array([stop - 1 for _, stop in rests], int)
-    moves = np.ones(len(q), bool)
-    for start, stop in rests:
-        moves[start:stop] = False
     limits = _friction_limits(apart, q, let_go, rows, FEWEST_RESTS)
     # A joint that friction rarely lets go is compared with its own motion.
-    limits = limits or _friction_limits(apart, q, np.flatnonzero(moves), rows, rows)
+    limits = limits or _motion_limits(apart, q, rests, rows)
     if limits is None:
         return held
     middle, reach = limits
@@ -195,6 +192,20 @@ def _find_held_rests(
         # A command that jumps is far away until it acts.
         held[start:stop] = np.sum(is_far[start:stop]) > rows
     return held
+
+
+def _motion_limits(
+    apart: Array, q: Array, rests: Sequence[tuple[int, int]], rows: int
+) -> tuple[float, float] | None:
+    """Return limits as `_friction_limits` does, of motion. Parameters: see `_find_held_rests`."""
+    # An object may hold a joint before it rests, and until it moves.
+    near = [np.arange(start - rows, stop + rows) for start, stop in rests]
+    moves = np.setdiff1d(np.arange(len(q)), np.concatenate(near))
+    # Delays and viscous friction also keep it behind its command.
+    speed = np.gradient(q)
+    motion = np.stack([speed, np.sign(speed), np.ones(len(q))], axis=1)
+    slope = np.linalg.lstsq(motion[moves], apart[moves], rcond=None)[0]
+    return _friction_limits(apart - slope[0] * speed, q, moves, rows, rows)
 
 
 def list_rests(log: Log, joint: int) -> list[tuple[int, int]]:
