@@ -159,17 +159,19 @@ def _screen(
     residual = _without(basis, weights * problem.residual(q, x))
     gain = 0.0 * x
     start = x.copy()
+    # A joint that moves as it was measured has no errors, whatever its servo.
+    is_measured = ~np.all([log.is_unmeasured for log in problem.logs], axis=0)
     for kind, size in _list_trials(problem, found, gains_alone):
         by = problem.by.copy()
         by[problem.at(kind)] = size
-        at = np.setdiff1d(problem.at(kind), np.flatnonzero(problem.varied))
+        at = np.setdiff1d(problem.at(kind)[is_measured], np.flatnonzero(problem.varied))
         moved = problem.linearise(x, at, by)[:, at]
         columns = _without(basis, weights[:, None] * moved)
         slope = columns.T @ residual / (np.linalg.norm(columns, axis=0) + 1e-300)
         # Play, limits and integral gains are not negative.
         likely = slope**2 * ((slope < 0) | (kind == "kp"))
-        if kind in ("limit", "ki"):
-            start[at] = np.where(likely > gain[at], by[at], start[at])
+        # Friction that replaces a gain is a minimum of its own.
+        start[at] = np.where(likely > gain[at], -np.sign(slope) * np.abs(by[at]), start[at])
         gain[at] = np.maximum(likely, gain[at])
     return Screening(gain, start, recording)
 
@@ -204,10 +206,11 @@ def _explain_tree(
         if not kept:
             continue
         best = kept[0]
+        # Play of one joint also disturbs the others.
+        errors = problem.errors(best.end.q)
         if _kind(problem, best.numbers) != "play":
             problem.varied[best.numbers] = True
             end = best.end
-            errors = problem.errors(end.q)
         yield kept
 
 
@@ -237,7 +240,7 @@ def _list_likeliest(
         # A number that explains half of its own joint is promising whatever the others miss.
         of_joints = 0.5 * excess[numbers % count].sum()
         promised: float = gain[numbers].sum()
-        return promised > max(BEGUN, min(least, of_joints))
+        return promised > max(ENOUGH, min(least, of_joints))
 
     at_ki = problem.at("ki")
     integral = at_ki[joints & (gain[at_ki] > 0)]
@@ -278,8 +281,7 @@ def _explain_joints(
         fits = [_fit_from(problem, end, numbers, start, joints) for start in starts]
         tried = sorted([*tried, min(fits, key=itemgetter(0))], key=itemgetter(0))
     # About as little is left as the best explanation leaves.
-    kept = [x for x in tried if x.share < min(most, 1.1 * tried[0].share)]
-    return [_finish_search(problem, explanation) for explanation in kept]
+    return [x for x in tried if x.share < min(most, 1.1 * tried[0].share)]
 
 
 def _fit_from(
@@ -288,7 +290,7 @@ def _fit_from(
     """Return the fit of numbers from a start (k,), with what it leaves of the errors of joints."""
     x = end.x.copy()
     x[numbers] = start
-    fitted = _fit_numbers(problem, x, numbers, BEGUN)
+    fitted = _fit_numbers(problem, x, numbers)
     before = _sum_squares(problem, end, end)[joints].sum()
     after = _sum_squares(problem, end, fitted)[joints].sum()
     return Explanation(float(after / before), numbers, fitted)
@@ -309,7 +311,7 @@ def _explain_little(
     if gain[likeliest] <= max(BEGUN, 2.0 * others.max(initial=0.0)):
         return
     # To first order a gain that is far off explains less than its fit.
-    fitted = _fit_numbers(problem, end.x, at[[likeliest]], ENOUGH)
+    fitted = _fit_numbers(problem, end.x, at[[likeliest]])
     # Errors of the model are not independent: a gain within some percent is as stated.
     if abs(fitted.x[at[likeliest]]) < 0.03:
         return
@@ -379,20 +381,10 @@ def _find_limit(asked: Array, given: Array, least: float, clear: float) -> float
     return float(limit) * explains
 
 
-def _finish_search(problem: RolloutProblem, found: Explanation) -> Explanation:
-    """Return an explanation whose search ends where a step promises little."""
-    if found.end.promised <= ENOUGH:
-        return found
-    end = _fit_numbers(problem, found.end.x, found.numbers, ENOUGH)
-    return found._replace(end=end)
-
-
-def _fit_numbers(
-    problem: RolloutProblem, x: Array, numbers: np.ndarray, enough: float
-) -> SearchEnd:
+def _fit_numbers(problem: RolloutProblem, x: Array, numbers: np.ndarray) -> SearchEnd:
     """Return where a search from a vector ends that also varies some numbers."""
     problem.varied[numbers] = True
-    fitted = descend(problem, x, enough)
+    fitted = descend(problem, x)
     problem.varied[numbers] = False
     return fitted
 
