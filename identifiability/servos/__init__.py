@@ -12,6 +12,8 @@ It imports MuJoCo, so verbs import it inside functions.
 
 from __future__ import annotations
 
+from identifiability.simulation.rollout import forgotten
+
 from .calibration import calibrate_torque, roll_delayed
 from .contacts import leave_out_blocked
 from .first_answer import FirstAnswer
@@ -19,7 +21,7 @@ from .fit import fit_rollouts, follows_better
 from .follow import delay_commands, follow_commands
 from .gains import file_shares, learn_gains, select_commanded, state_gains
 from .odd_joints import find_odd_joints
-from .positions import forgotten, rms_of_judged
+from .positions import rms_of_judged
 from .rollouts import Rollouts
 from .standing import state_standing
 from .start import settle_joints

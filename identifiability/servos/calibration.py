@@ -19,10 +19,10 @@ from identifiability.logs import Log
 from identifiability.logs.log import bridge_gaps
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.structure import Structure
-from identifiability.simulation.rollout import CommandedRobot
+from identifiability.simulation.rollout import CommandedRobot, forgotten
 
 from .descent import descend
-from .positions import are_aside, forgotten, record
+from .positions import are_aside, record
 from .problem import RolloutProblem
 from .rollouts import KINDS
 from .torque import servo_log

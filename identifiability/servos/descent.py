@@ -129,6 +129,11 @@ def descend(
     return SearchEnd(x, q, weights[:, None] * J, promised)
 
 
+def sum_squares(problem: RolloutProblem, weights: Array, end: SearchEnd) -> float:
+    """Return the weighted squares of the residual where a search ended."""
+    return float(np.sum((weights * problem.residual(end.q, end.x)) ** 2))
+
+
 def follow_valley(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     """Return where the first search ends if it also follows the valley of later commands.
 
@@ -145,13 +150,12 @@ def follow_valley(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
         return end
     for _ in range(RENEWED):
         weights = problem.weights(end.q)
-        before = weights * problem.residual(end.q, end.x)
+        before = sum_squares(problem, weights, end)
         x, squares = _best_shift(problem, end, end.x, weights)
-        if squares > VALLEY * (before @ before):
+        if squares > VALLEY * before:
             break
         moved = descend(problem, x, BEGUN)
-        after = weights * problem.residual(moved.q, moved.x)
-        if before @ before - after @ after <= ENOUGH:
+        if before - sum_squares(problem, weights, moved) <= ENOUGH:
             break
         end = moved
     return end
@@ -171,15 +175,15 @@ def free_delays(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     stated = problem.varied
     problem.varied = stated.copy()
     problem.varied[problem.delays] = True
-    residual = problem.weights(end.q) * problem.residual(end.q, end.x)
+    weights = problem.weights(end.q)
+    residual = weights * problem.residual(end.q, end.x)
     _, promised = damped_step(problem, end.x, end.J, residual, VARIED)
     squares = residual @ residual
     if promised > (1 - VALLEY) * squares and not stated[problem.delays].any():
         freed = descend(problem, end.x)
-        left = problem.weights(end.q) * problem.residual(freed.q, freed.x)
         less = problem.missed(freed.q) < problem.missed(end.q)
         # Most joints, and a quarter of the squares.
-        if less.mean() > 0.5 and left @ left < 0.75 * squares:
+        if less.mean() > 0.5 and sum_squares(problem, weights, freed) < 0.75 * squares:
             return freed
     problem.varied = stated
     return end
@@ -201,7 +205,7 @@ def bend_friction(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     if not problem.varied[problem.delays].any():
         return end
     weights = problem.weights(end.q)
-    before = np.sum((weights * problem.residual(end.q, end.x)) ** 2)
+    before = sum_squares(problem, weights, end)
     follows = problem.moves.any(0) & (problem.missed(end.q) < RULES.rollout_contradicted)
     distances = problem.at("slide")[follows]
     trials = []
@@ -214,12 +218,12 @@ def bend_friction(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
         return end
     problem.varied[distances] = True
     moved = descend(problem, x, BEGUN)
-    after = np.sum((weights * problem.residual(moved.q, moved.x)) ** 2)
+    after = sum_squares(problem, weights, moved)
     # Other delays and friction alone may explain errors as well.
     plain = moved.x.copy()
     plain[distances] = 0.0
     rolled = problem.roll([plain])[0]
-    without = np.sum((weights * problem.residual(rolled, plain)) ** 2)
+    without = sum_squares(problem, weights, moved._replace(x=plain, q=rolled))
     if after < VALLEY * min(before, without):
         return moved
     problem.varied[distances] = False

@@ -32,6 +32,7 @@ from .descent import (
     descend,
     follow_valley,
     free_delays,
+    sum_squares,
 )
 from .first_answer import FirstAnswer
 from .problem import LATER, RolloutProblem
@@ -271,11 +272,9 @@ def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:
 
 def _gained_squares(before: Rollouts, after: Rollouts) -> float:
     """Return by how much the weighted squares of rollouts are smaller than before."""
-    problem, end = before.search
-    other, moved = after.search
-    weights = problem.weights(end.q)
-    squares = np.sum((weights * problem.residual(end.q, end.x)) ** 2)
-    return float(squares - np.sum((weights * other.residual(moved.q, moved.x)) ** 2))
+    weights = before.search[0].weights(before.search[1].q)
+    less, more = (sum_squares(x.search[0], weights, x.search[1]) for x in (after, before))
+    return more - less
 
 
 def _divide_once(found: Rollouts, factor: float) -> Rollouts:

@@ -23,7 +23,6 @@ from identifiability.robot import Robot
 from .arrivals import CLEAR, usual_residual
 from .calibration import Recording
 from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend
-from .positions import recording_error
 from .problem import PLAY, RolloutProblem
 from .rollouts import KINDS, Rollouts
 from .torque import servo_log
@@ -47,13 +46,10 @@ class Screening:
         Weighted squares that it would explain.
     start : (p,)
         Value from which its fit would start.
-    recording : (n,)
-        Errors of recorded positions (rms), by joint.
     """
 
     gain: Array
     start: Array
-    recording: Array
 
 
 class Explanation(NamedTuple):
@@ -94,9 +90,8 @@ def find_odd_joints(
     """
     problem, end = found.search
     # Where errors are those of recording, no more than a wrong gain can show.
-    recording = np.max([recording_error(log) for log in problem.logs], axis=0)
-    erring = np.unique(problem.trees[_exceed(found.errors, recording)])
-    screening = _screen(problem, end, found, recording, gains_alone=not len(erring))
+    erring = np.unique(problem.trees[_exceed(problem, found.errors)])
+    screening = _screen(problem, end, found, gains_alone=not len(erring))
     explained = _list_freed(problem, end)
     for tree in np.unique(problem.trees):
         say(float(np.mean(problem.trees < tree)))
@@ -117,9 +112,9 @@ def _list_freed(problem: RolloutProblem, end: SearchEnd) -> list[list[Explanatio
     return [[Explanation(share, np.array([gain]), end)] for gain, share in shares]
 
 
-def _exceed(errors: Array, recording: Array) -> np.ndarray:
+def _exceed(problem: RolloutProblem, errors: Array) -> np.ndarray:
     """Return where errors of joints (n,) exceed those of recording, (n,) bool."""
-    exceed: np.ndarray = errors**2 > 2.0 * recording**2
+    exceed: np.ndarray = errors**2 > 2.0 * problem.recorded.max(0) ** 2
     return exceed
 
 
@@ -149,7 +144,6 @@ def _screen(
     problem: RolloutProblem,
     end: SearchEnd,
     found: Rollouts,
-    recording: Array,
     gains_alone: bool,
 ) -> Screening:
     """Return how much each number that is not varied would explain, to first order."""
@@ -173,7 +167,7 @@ def _screen(
         # Friction that replaces a gain is a minimum of its own.
         start[at] = np.where(likely > gain[at], -np.sign(slope) * np.abs(by[at]), start[at])
         gain[at] = np.maximum(likely, gain[at])
-    return Screening(gain, start, recording)
+    return Screening(gain, start)
 
 
 def _without(basis: Array, rows: Array) -> Array:
@@ -192,14 +186,14 @@ def _explain_tree(
     joints = problem.trees == tree
     squares = _sum_squares(problem, end, end)
     # No number explains the errors of recording.
-    possible = np.maximum(errors**2, screening.recording**2)
-    excess = squares * (1 - screening.recording**2 / or_one(possible))
+    recorded = problem.recorded.max(0) ** 2
+    excess = squares * (1 - recorded / or_one(np.maximum(errors**2, recorded)))
     least = PROMISING * squares[joints].sum()
     for likeliest in _list_likeliest(problem, joints, screening.gain, excess, least):
         own = np.unique(likeliest[0] % len(joints))
         # A joint whose command stands has no errors, but may move the others.
         judged = own if errors[own].any() else np.flatnonzero(joints)
-        if not _exceed(errors, screening.recording)[judged].any():
+        if not _exceed(problem, errors)[judged].any():
             continue
         most = 1 - 0.5 * excess[judged].sum() / squares[judged].sum()
         kept = _explain_joints(problem, end, likeliest, screening, judged, most)
@@ -291,9 +285,8 @@ def _fit_from(
     x = end.x.copy()
     x[numbers] = start
     fitted = _fit_numbers(problem, x, numbers)
-    before = _sum_squares(problem, end, end)[joints].sum()
-    after = _sum_squares(problem, end, fitted)[joints].sum()
-    return Explanation(float(after / before), numbers, fitted)
+    before, after = (_sum_squares(problem, end, x)[joints].sum() for x in (end, fitted))
+    return Explanation(after / before, numbers, fitted)
 
 
 def _explain_little(
@@ -311,18 +304,14 @@ def _explain_little(
     if gain[likeliest] <= max(BEGUN, 2.0 * others.max(initial=0.0)):
         return
     # To first order a gain that is far off explains less than its fit.
-    fitted = _fit_numbers(problem, end.x, at[[likeliest]])
+    numbers = at[[likeliest]]
+    fitted = _fit_numbers(problem, end.x, numbers)
+    before, after = (_sum_squares(problem, end, x)[joints].sum() for x in (end, fitted))
     # Errors of the model are not independent: a gain within some percent is as stated.
-    if abs(fitted.x[at[likeliest]]) < 0.03:
+    if abs(fitted.x[numbers]) < 0.03 or before - after <= CLEAR**2:
         return
-    weights = problem.weights(end.q)
-    before = weights * problem.residual(end.q, end.x)
-    after = weights * problem.residual(fitted.q, fitted.x)
-    if before @ before - after @ after <= CLEAR**2:
-        return
-    ratio = np.linalg.norm(problem.errors(fitted.q)[joints]) / np.linalg.norm(errors[joints])
-    problem.varied[at[likeliest]] = True
-    yield [Explanation(float(ratio**2), at[[likeliest]], fitted)]
+    problem.varied[numbers] = True
+    yield [Explanation(after / before, numbers, fitted)]
 
 
 def state_held_out_limits(

@@ -19,18 +19,6 @@ LATEST: Tolerance = 0.06
 #: Time for which a command and its joint stand before the joint is at rest [s].
 RESTING: Tolerance = 0.3
 
-#: Time after which the start of a rollout no longer matters with soft servos [s].
-FORGOTTEN: Tolerance = 0.75
-
-
-def forgotten(log: Log) -> int:
-    """Return the first row of a log at which a rollout is judged.
-
-    Earlier rows still depend on the start of the rollout. At most a quarter of the log is left out.
-    """
-    row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
-    return min(row, int(0.25 * len(log)))
-
 
 def resting_rows(log: Log) -> int:
     """Return the rows for which a joint stands before it is at rest."""

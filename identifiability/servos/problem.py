@@ -19,9 +19,9 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import remember
 from identifiability.logs import Log, signals
 from identifiability.logs.spectrum import autocorrelation_time
-from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
+from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot, forgotten
 
-from .positions import forgotten, recording_error
+from .positions import recording_error
 from .rollouts import KINDS
 from .torque import servo_log
 from .windows import WINDOW, Window
@@ -107,6 +107,12 @@ class RolloutProblem:
     def moves(self) -> np.ndarray:
         """Joints whose command moves, by window, (windows, n) bool."""
         return np.array([window.moves for window in self.windows])
+
+    @property
+    def recorded(self) -> Array:
+        """Errors of recording in `differences` (rms), (windows, n): of two rows without kp."""
+        rows = 1 + (self.machine.servo.kp == 0)
+        return np.sqrt(rows) * [recording_error(log) for log in self.logs]
 
     @property
     def source(self) -> np.ndarray:
@@ -264,6 +270,7 @@ class RolloutProblem:
         for rolled, window in zip(q, self.windows, strict=True):
             start = forgotten(window.rows)
             error = rolled - window.rows.q
+            error[:start] = 0.0
             lasting = np.where(self.machine.servo.kp == 0, error[: len(error) - start], 0.0)
             gained = np.nan_to_num(error[start:] - lasting, nan=1.0)
             errors.append(gained * window.judged[start:])
@@ -315,7 +322,7 @@ class RolloutProblem:
         Errors beyond those of recording are errors of the model. They depend on the motion, and
         tell the same throughout a window. The share is one for a stated gain.
         """
-        recorded = np.median([recording_error(log) for log in self.logs], axis=0)
+        recorded = np.median(self.recorded, axis=0)
         least = or_one(np.maximum(self.errors(q), recorded))
         by_model = self.varied[self.at("kp")] * (1 - (recorded / least) ** 2)
         times = autocorrelation_time(self.differences(q))

@@ -50,6 +50,10 @@ LITTLE: Tolerance = 0.4
 SHORTEST: Tolerance = 0.5
 
 
+#: Time after which the start of a rollout no longer matters with soft servos [s].
+FORGOTTEN: Tolerance = 0.75
+
+
 @frozen
 class ServoPlaces:
     """Where a MuJoCo model holds the coordinates of servos: joints, and tendons along joints.
@@ -323,14 +327,34 @@ class CommandedRobot:
             if h not in made:
                 model = self._with(own, h)
                 made[h] = (model, mujoco.MjData(model))
-            integrals = self._integrals(made[h][0], log, servo, delay, source)
-            rolled.append(self._roll_model(*made[h], log, servo, delay, integrals))
+            rolled.append(self._roll_log(*made[h], log, servo, delay, source))
         return rolled
 
-    def _roll_model(
-        self, model: Any, data: Any, log: Log, servo: Servo, delay: float, integrals: Array
+    def _roll_log(
+        self, model: Any, data: Any, log: Log, servo: Servo, delay: float, source: Log
     ) -> Array:
         """Return positions at the samples of a log, (N, n), of a model with its step."""
+        run = partial(self._roll_model, model, data, log, servo, delay, source)
+        start = log.q[0]
+        q = run(start)
+        # Without kp nothing corrects an error of the start, which changes the torque of gravity.
+        for _ in range(0 if servo.kp.all() else 2):
+            lasting = np.nan_to_num(q - log.q)[: forgotten(log)].mean(0)
+            start = start - np.where(servo.kp == 0, lasting, 0.0)
+            q = run(start)
+        return q
+
+    def _roll_model(
+        self,
+        model: Any,
+        data: Any,
+        log: Log,
+        servo: Servo,
+        delay: float,
+        source: Log,
+        start: Array,
+    ) -> Array:
+        """Return positions at the samples of a log, (N, n), of a rollout from positions (n,)."""
         h = model.opt.timestep
         speed = starting_speed(log)
         duration = log.t[-1] - log.t[0]
@@ -345,30 +369,24 @@ class CommandedRobot:
         key = (log, servo.kp.tobytes(), servo.kv.tobytes(), h, delay)
         targets = partial(acting, log, servo, times, h, delay)
         control = remember(self.acting, key, targets, 50)
-        q, slope = self._forward.tie(log.q[0])
+        q, slope = self._forward.tie(start)
         v = slope @ speed
         a0 = self._acceleration(model, data, q, v, control[0])
         of_speeds = self.places.of_speeds
         moved = begin * speed + (0.5 * begin**2 - h**2 / 8) * (of_speeds @ a0)
         if not np.isfinite(moved).all():  # the step takes more inertia than light links have
             return np.full(log.q.shape, np.nan)
-        q, slope = self._forward.tie(log.q[0] + moved)
+        q, slope = self._forward.tie(start + moved)
         v += (begin - 0.5 * h) * a0
-        start = np.zeros(mujoco.mj_stateSize(model, _STATE))
-        start[1 : 1 + model.nq] = q
-        start[1 + model.nq :][: len(v)] = v
+        state = np.zeros(mujoco.mj_stateSize(model, _STATE))
+        state[1 : 1 + model.nq] = q
+        state[1 + model.nq :][: len(v)] = v
         # Friction has acted since before the start.
         bent = model.actuator_biasprm[self.bristles, 3] / model.actuator_dynprm[self.bristles, 5]
-        activations = integrals.copy()
+        activations = self._integrals(model, log, servo, delay, source)
         activations[model.actuator_actadr[self.bristles]] = np.sign(speed) * bent
-        start[1 + model.nq + model.nv :][: model.na] = activations
-        states, _ = rollout.rollout(
-            model,
-            data,
-            start,
-            control,
-            control_spec=int(mujoco.mjtState.mjSTATE_CTRL),
-        )
+        state[1 + model.nq + model.nv :][: model.na] = activations
+        states, _ = rollout.rollout(model, data, state, control)
         of_positions = self.places.of_positions
         first = of_positions @ q
         moving = states[0][:, 1 : 1 + model.nq] @ of_positions.T
@@ -439,8 +457,8 @@ class CommandedRobot:
         model.actuator_biasprm[self.actuators, 1] = -servo.kp
         model.actuator_biasprm[self.actuators, 0] = -offset
         model.actuator_biasprm[self.actuators, 2] = -servo.damping
-        ends = np.stack([servo.low - offset, servo.high - offset], axis=1)
-        model.actuator_forcerange[self.actuators] = less[:, None] * ends
+        ends = np.stack([servo.low, servo.high]) - offset
+        model.actuator_forcerange[self.actuators] = (less * ends).T
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 
@@ -519,6 +537,15 @@ def _seen_rows(dt: float, count: int) -> int:
     # The speed of a start is estimated from .05 s.
     half = max(2, round(0.5 * 0.05 / dt))
     return min(2 * half + 1, (count - 1) // 2 * 2 + 1)
+
+
+def forgotten(log: Log) -> int:
+    """Return the first row of a log at which a rollout is judged.
+
+    Earlier rows still depend on the start of the rollout. At most a quarter of the log is left out.
+    """
+    row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
+    return min(row, int(0.25 * len(log)))
 
 
 def drive(robot: Robot, parameters: NumberByName, log: Log, window: float) -> Array:
