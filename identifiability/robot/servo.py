@@ -219,7 +219,7 @@ class Servo:
         return not (self.rolled or self.kept) and bool(abs(apart) > reach)
 
     def reaches_limit(self, torque: Array) -> np.ndarray:
-        """Return joints whose torque, (N, n), is at a limit in some row, (n,) bool."""
+        """Return where torque, (N, …, n), is at a limit in some row, (…, n) bool."""
         return np.any((torque <= self.low) | (torque >= self.high), axis=0)
 
     @property

@@ -25,7 +25,7 @@ from .descent import descend
 from .positions import are_aside, record
 from .problem import RolloutProblem
 from .rollouts import KINDS
-from .torque import servo_log
+from .torque import may_saturate, servo_log
 from .windows import Window
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
@@ -114,7 +114,10 @@ def calibrate_torque(
         lost |= given.unmeasured
     # Away from reversals the friction of the log is known, and the error changes slowly.
     error = bridge_gaps(log.t, left / np.maximum(count, 1), unlike)
-    return leave_out(replace(given, tau=given.tau - error, rollout=q), lost, own)
+    calibrated = replace(given, tau=given.tau - error, rollout=q)
+    # Only calibrated torque has the mean of an integral.
+    lost |= may_saturate(calibrated, machine.servo, delay) & (machine.servo.integral > 0)
+    return leave_out(calibrated, lost, own)
 
 
 def leave_out(log: Log, lost: np.ndarray, recording: Recording) -> Log:

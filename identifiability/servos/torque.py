@@ -66,7 +66,8 @@ def servo_log(log: Log, servo: Servo, delay: float) -> Log:
     dt = signals.sampling_step(log.t)
     dq = signals.differentiate(log.q, dt) if log.dq is None else log.dq
     target = acting(log, servo, log.t, dt, delay)
-    unlimited = servo.gain * target - servo.kp * log.q - servo.damping * dq
+    integral = integral_torque(log, servo, dt, delay)
+    unlimited = servo.gain * target - servo.kp * log.q - servo.damping * dq + integral
     tau = np.clip(unlimited, servo.low, servo.high)
     # Commands between rows that are far apart are not in the log.
     gaps = np.append(signals.has_gap(log.t), False)
@@ -74,15 +75,35 @@ def servo_log(log: Log, servo: Servo, delay: float) -> Log:
     lost = (tau != unlimited) | unknown
     if log.unmeasured is not None:
         lost = lost | log.unmeasured
-    integral = integral_torque(log, servo, dt, delay)
     unmeasured = lost if lost.any() else None
     return replace(
         log,
-        tau=tau + integral,
+        tau=tau,
         unmeasured=unmeasured,
         motion_alone=False,
         servo_delay=float(delay),
     )
+
+
+def may_saturate(log: Log, servo: Servo, delay: float) -> np.ndarray:
+    """Return rows of a log in which a servo may reach a limit for a moment, (N, n) bool.
+
+    Held commands jump, so the torque passes a limit in a row whose mean is below it. Parts of each
+    row are looked at, up to its neighbours.
+
+    Parameters
+    ----------
+    log : Log
+        With torque of commands that are positions.
+    servo : Servo
+    delay : float [s]
+    """
+    dt = signals.sampling_step(log.t)
+    speed = signals.differentiate(log.q, dt)
+    mean = acting(log, servo, log.t, dt, delay)
+    shifts = dt * np.linspace(-0.5, 0.5, 5)
+    parts = [acting(log, servo, log.t + x, dt / 4, delay) - x * speed for x in shifts]
+    return servo.reaches_limit(log.tau + servo.gain * (parts - mean))
 
 
 def replace_servo(log: Log, servo: Servo, other: Servo, later: float = 0.0) -> Log:

@@ -406,15 +406,24 @@ class CommandedRobot:
         out = np.zeros(model.na)
         if not own.any():
             return out
+        # Robots that are rolled out together hardly differ in these.
+        key = (self, log, source, servo.kp.tobytes(), delay)
+        held = partial(self._hold_start, log, servo, delay, source)
+        gravity, added = remember(self.acting, key, held, 50)
         constant = model.actuator_biasprm[self.actuators, 0]
-        load = (self.gravity(source.q[:1])[0] - constant)[own]
+        load = (gravity - constant)[own]
         ki = servo.integral[own]
         duration = source.t[-1] - source.t[0]
-        held = -np.expm1(-ki / servo.kp[own] * duration)
-        past = source.rows(0, np.searchsorted(source.t, log.t[0], side="right"))
-        added = sum_errors(past, servo, delay, signals.sampling_step(log.t))[own]
-        out[model.actuator_actadr[self.actuators[own]]] = held * load / ki + added
+        share = -np.expm1(-ki / servo.kp[own] * duration)
+        out[model.actuator_actadr[self.actuators[own]]] = share * load / ki + added[own]
         return out
+
+    def _hold_start(self, log: Log, servo: Servo, delay: float, source: Log) -> Array:
+        """Return gravity at the start of a source, and its errors until some rows, (2, n)."""
+        dt = signals.sampling_step(log.t)
+        past = source.rows(0, np.searchsorted(source.t, log.t[0], side="right"))
+        errors = acting(past, servo, past.t, dt, delay) - past.q
+        return np.stack([self.gravity(source.q[:1])[0], np.trapezoid(errors, past.t, axis=0)])
 
     def _acceleration(self, model: Any, data: Any, q: Array, v: Array, control: Array) -> Array:
         """Return the acceleration at a state, (nv,), that corrects speeds half a step old."""
@@ -493,20 +502,6 @@ def _choose_solver(model: Any) -> None:
     if not others:
         model.opt.solver = mujoco.mjtSolver.mjSOL_PGS
         model.opt.tolerance *= NEARLY
-
-
-def sum_errors(log: Log, servo: Servo, delay: float, dt: float) -> Array:
-    """Return the integrals of position errors along a log, (n,) [rad·s or m·s].
-
-    Parameters
-    ----------
-    log : Log
-    servo : Servo
-    delay, dt : float [s]
-        Delay of commands, and sampling step.
-    """
-    errors = acting(log, servo, log.t, dt, delay) - log.q
-    return np.trapezoid(errors, log.t, axis=0)
 
 
 def starting_speeds(log: Log) -> Array:
