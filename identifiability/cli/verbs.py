@@ -289,16 +289,18 @@ def diagnose(
     if motion is not None:
         from identifiability.workflows.excite import find_next  # noqa: PLC0415
 
-        with progress() as say:
-            found = find_next(
-                result,
-                limits=limits,
-                seed=seed,
-                progress=say,
-            )
-        told.append(found.statement)
-        if not found.same:
-            written += write_all((found.to_json, result.note_written("next", motion)))
+        try:
+            with progress() as say:
+                found = find_next(result, limits=limits, seed=seed, progress=say)
+        except IdentifiabilityError as error:
+            if error.key != "excite.decided":
+                print_result(result, written)
+                raise
+            told.append(f"{motion} was not written: {error}")
+        else:
+            told.append(found.statement)
+            if not found.same:
+                written += write_all((found.to_json, result.note_written("next", motion)))
     print_result(result, written, told)
 
 

@@ -113,6 +113,8 @@ def _keyword(found: re.Match[str]) -> str:
 def quoted(text: str) -> str:
     """Return a value as Python writes it: a number, a truth value or a text; ``…`` if unknown."""
     number = re.fullmatch(r"-?\d+(\.\d+)?(e-?\d+)?", text)
+    if text == "exact":  # of --fixed
+        return "True"
     if number or text in ("True", "False", "…"):
         return text
     return repr(text)

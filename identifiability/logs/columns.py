@@ -210,15 +210,20 @@ def name_columns(
 def _find_unread(
     names: Mapping[str, str], guesses: Sequence[Column], source: str, known: Conventions
 ) -> list[Finding]:
-    """Return a note on columns of torque or current that name a joint and are not read."""
+    """Return a note on columns of torque or current that are not read.
+
+    They name a joint, or another struct has a column of their name.
+    """
     read = {g.source for g in guesses}
+    ends = {x.rpartition(".")[2] for x in read if "." in x}  # of the struct that is read
     joints = (*known.motors, *known.joints)
     unread = []
     for column, name in names.items():
         plain = split_unit(name)[0]
         words = words_of(plain)
         measured = _has_torque({"": plain}, ()) and COMMANDED.isdisjoint(words)
-        if column not in read and measured and take_joint(words, joints)[0]:
+        own = take_joint(words, joints)[0] or column.rpartition(".")[2] in ends
+        if column not in read and measured and own:
             unread.append(f"'{column.strip()}'")
     said = Finding("unread", source, columns=unread)
     return [said.again(said.rstrip("."))] if unread else []

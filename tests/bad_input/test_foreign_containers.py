@@ -1,6 +1,7 @@
 """Logs in containers, sheets and arrays: read as tables are, or refused by name."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import READERS, check_there, reader
 from identifiability.quality.recordings import read_recordings
+from identifiability.robot.sidecar import MeasuredTorque
 
 JOINTS = ("shoulder", "elbow")
 
@@ -80,6 +82,12 @@ def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
     for content in ({"run3": turned}, {"log": {"state": turned, "cmd": {"q": 0 * arrays["q"]}}}):
         savemat(path.with_suffix(".mat"), content)
         same(Log.read(path.with_suffix(".mat"), known), arrays)
+    savemat(path.with_suffix(".mat"), {"log": turned, "log2": turned})
+    assert "'log2.tau[0]'" in str(Log.read(path.with_suffix(".mat"), known).notes)
+    known = replace(known, torque=MeasuredTorque(gain=1.0))
+    for number in (1000.0, np.ones(3)):
+        np.savez(npz, t=arrays["t"], q=arrays["q"], current=arrays["tau"], fs=number)
+        same(Log.read(npz, known), arrays)
     np.savez(npz, **reverse(arrays), joints=np.array(JOINTS[::-1]))
     log = Log.read(npz, known)
     same(log, arrays)

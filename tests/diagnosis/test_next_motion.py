@@ -159,3 +159,8 @@ def test_what_is_a_or_b_has_its_true_name_after_the_motion_that_is_asked_for(suc
     told = json.loads(out.read_text())["next"]
     assert set(told["separates"]) == set(found.names)
     assert 0 <= told["before"] < told["chance"] <= 1
+    some = ["--effects", "payload", "--fixed", "0.1"]
+    done = " ".join(succeeds(*argv, *some, "--next", tmp_path / "no.json").output.split())
+    assert "What is missing? Nothing" in done
+    assert "no.json was not written: no name is in doubt" in done
+    assert "--fixed 0.1 --json" in done

@@ -251,7 +251,7 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
         if array.ndim == 2 and len(array) != length and array.shape[1] == length:
             array = array.T
         if array.ndim > 2 or len(array) != length:
-            lost.append(name)
+            lost += [name] * (array.size > 1)  # a number, such as a rate, is no series
         elif array.ndim == 1:
             columns[name] = array
         elif len(names) == array.shape[1]:
@@ -259,7 +259,7 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
         else:
             columns |= {f"{name}[{k}]": array[:, k] for k in range(array.shape[1])}
     kinds = {g.kind for k in columns if (g := guess_column(k, k, names))}
-    if not {"q", "tau"} <= kinds and lost:
+    if lost and not ("q" in kinds and kinds & {"tau", "current"}):
         shapes = [f"{k} {_shape(flat[k])}" for k in lost]
         raise LogError(
             Finding(

@@ -21,7 +21,7 @@ from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array, NumberByName, Strings
 from identifiability.foundation.presenter import Presenter
-from identifiability.foundation.quoting import option_for_shell
+from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     NONE,
@@ -32,6 +32,7 @@ from identifiability.foundation.rounding import (
     stated_text,
 )
 from identifiability.physical.cad_prior import find_rises
+from identifiability.physical.rules import RULES as FILE_RULES
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
 from identifiability.workflows.diagnose.result import logs_disagree
@@ -130,6 +131,10 @@ class DiagnosisPresenter(PredictingPresenter):
         again = f"diagnose {self.robot} {logs}"
         if model:
             again = f"{again} {option_for_shell('--model', model)}"
+        kept = d.provenance.get("fixed" if d.fixed else "prior", d.known.words)
+        usual = d.known.words if d.fixed else str(FILE_RULES.body_within)
+        if kept not in (d.known.words, usual):
+            again = f"{again} --fixed {'exact' if kept == 'True' else path_for_shell(kept)}"
         undecided = any(e.alternatives for e in d.effects) and not d.written("next")
         with_model = partial(on_file, d, "model", "model.toml", f"{again} --out")
         out = []

@@ -226,7 +226,7 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
     ----------
     share : float
         A relative standard deviation. It holds for mass, centre and inertia of a body together
-        (`state_rows`), and for the value of any other parameter.
+        (`state_rows`), and for any other value that the file states: what is zero there is free.
     structure : Structure
     refitted : bool
         Whether parameters that only joints determine have no prior. Files of commanded robots do
@@ -241,13 +241,10 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
         raise IdentifiabilityError(phrase("kept", "share", share=share))
     rows, aim = state_rows(structure, share)
     if not refitted:
-        own = np.flatnonzero(~rows.any(0))
         nominal = structure.nominal
-        typical = share * np.abs(nominal[own])
-        largest = np.abs(nominal).max(initial=0.0)
-        sd = np.maximum(typical, ROUNDOFF * largest)
-        rows = np.vstack([rows, np.eye(len(nominal))[own] / sd[:, None]])
-        aim = np.append(aim, nominal[own] / sd)
+        own = np.flatnonzero(~rows.any(0) & (nominal != 0))
+        rows = np.vstack([rows, np.eye(len(nominal))[own] / (share * np.abs(nominal[own, None]))])
+        aim = np.append(aim, np.sign(nominal[own]) / share)
     words = f"the robot file's values, each within {percent(share)},"
     words = "the refitted model" if refitted else words
     return KnownValues(**vars(_know_rows(rows, aim, structure)), words=words, share=share)

@@ -134,9 +134,10 @@ def diagnose(
     fixed : bool, float, path, Fit or result
         Keep values instead of refitting them; then wrong masses, payloads and gravity are
         candidates too. True: those of the robot file, as if they were exact. A share: those of the
-        robot file, which may be off by it, such as 0.1 (a standard deviation). A result: those of
-        an `analyze`, `prune` or `diagnose`, of its JSON or its `Fit`, with their covariance, for
-        the model that is diagnosed. Torque that these errors explain is not named as an effect.
+        robot file, which may be off by it, such as 0.1 (a standard deviation); what the file does
+        not state is free. A result: those of an `analyze`, `prune` or `diagnose`, of its JSON or
+        its `Fit`, with their covariance, for the model that is diagnosed. Torque that these errors
+        explain is not named as an effect.
     preparation : Preparation, optional
         How derivatives are made.
     seed : int
@@ -309,7 +310,7 @@ def _list_options(case: Case, request: Request, found: Diagnosis) -> Json:
     model = request.model
     names = [model] if isinstance(model, (str, Path)) else model
     effects = "all" if request.effects is None else list(request.effects)
-    fixed = kept if isinstance(kept, bool) else found.known.words
+    fixed = kept if isinstance(kept, bool | float | str | Path) else found.known.words
     options: dict[str, Any] = {
         "effects": effects,
         "fixed": fixed,
