@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identifiability.effects import title_of
+from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Cell, Note, Table
@@ -31,7 +32,7 @@ from .answers.analyze import (
     state_nearest,
 )
 from .answers.common import capital, join_sentences, note, sentence, words
-from .answers.prune import likely_sizes
+from .answers.prune import sizes_as_good
 from .answers.tables import make_table
 
 if TYPE_CHECKING:
@@ -435,7 +436,7 @@ def pruning_heading(ladder: Ladder) -> tuple[str, str]:
 
 def pruning_below(ladder: Ladder) -> Picture:
     """Return the error of every model of the path over its size."""
-    likely = sentence("pruning.use", "shaded") if likely_sizes(ladder) else ""
+    likely = sentence("pruning.use", "shaded") if sizes_as_good(ladder) else ""
     return picture("ladder", plot.reduction_path(ladder), likely=likely)
 
 
@@ -449,9 +450,10 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         **settings,
     )
     title = sentence("pruning.survivors", "title")
+    why = sentence("pruning.why", nats=LEVELS.nats, rise=LEVELS.rise)
     return [
         section_values(ladder, title, sentence("values", "omitted")),
-        section("pruning.ladder", ladder.tables()[0], why=sentence("pruning.why")),
+        section("pruning.ladder", ladder.tables()[0], why=why),
         section_survivors(ladder),
         None if ladder.nothing else section_correlated(ladder.fit),
         section("pruning.method", Prose(tuple(text.values()))),

@@ -25,7 +25,7 @@ from identifiability.foundation.errors import near_match
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError
 
-from .answers.prune import likely_sizes
+from .answers.prune import sizes_as_good
 from .figures import draw_ladder, draw_precision, draw_profile, draw_torque
 
 if TYPE_CHECKING:  # every report loads this module, and few need pruning or diagnosis
@@ -92,7 +92,7 @@ def reduction_path(result: Ladder) -> Figure:
     sizes, other, unseen, spread = np.array(submodels).T
     exported = result.chosen.unseen_by(1)
     curves = sizes, other, unseen, spread, result.selected, name
-    return draw_ladder(*curves, likely_sizes(result), exported)
+    return draw_ladder(*curves, sizes_as_good(result), exported)
 
 
 def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:

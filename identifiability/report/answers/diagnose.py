@@ -127,14 +127,7 @@ class DiagnosisPresenter(PredictingPresenter):
         paths = given_paths(d.samples)
         given = name_logs(d.robot, paths, how=d.preparation)
         logs = given + held_back(d.validation, d.samples)
-        model = d.provenance.get("model")
-        again = f"diagnose {self.robot} {logs}"
-        if model:
-            again = f"{again} {option_for_shell('--model', model)}"
-        kept = d.provenance.get("fixed" if d.fixed else "prior", d.known.words)
-        usual = d.known.words if d.fixed else str(FILE_RULES.body_within)
-        if kept not in (d.known.words, usual):
-            again = f"{again} --fixed {'exact' if kept == 'True' else path_for_shell(kept)}"
+        again = f"diagnose {self.robot} {logs}{_given_options(d)}"
         undecided = any(e.alternatives for e in d.effects) and not d.written("next")
         with_model = partial(on_file, d, "model", "model.toml", f"{again} --out")
         out = []
@@ -264,6 +257,16 @@ class DiagnosisPresenter(PredictingPresenter):
             "rms_after": rms[:, -1],
         }
         return pd.DataFrame(columns)
+
+
+def _given_options(d: Diagnosis) -> str:
+    """Return the options that state the diagnosed model and its kept values, after a space."""
+    model = d.provenance.get("model")
+    kept = d.provenance.get("fixed" if d.fixed else "prior", "")
+    words = [option_for_shell("--model", model)] if model else []
+    if kept not in ("", d.known.words, "" if d.fixed else str(FILE_RULES.body_within)):
+        words.append(f"--fixed {'exact' if kept == 'True' else path_for_shell(kept)}")
+    return "".join(f" {word}" for word in words)
 
 
 def _choose_reason(d: Diagnosis, most: Odds) -> tuple[str, Odds]:

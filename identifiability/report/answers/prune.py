@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from identifiability.estimation.evidence import LEVELS, may_stand
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
-from identifiability.foundation.rounding import LEVEL, format_count, format_number, percent_text
+from identifiability.foundation.rounding import format_count, format_number, percent_text
 
 from .analyze import (
     LadderedPresenter,
@@ -66,7 +66,7 @@ class LadderPresenter(LadderedPresenter):
         # What the model lacks is the answer on trust.
         tone = "blue" if is_nearly_real(chosen) else "amber"
         found = answer(about, part, text, tone, size=size, used=used)
-        sizes = likely_sizes(result) if used < size else ()
+        sizes = sizes_as_good(result) if used < size else ()
         others = sentence(about, "others", low=sizes[0], high=sizes[1]) if sizes else ""
         return replace(found, more=join_sentences(why, rule, others))
 
@@ -100,19 +100,15 @@ def _state_dropped(result: Ladder) -> str:
     return sentence("pruning.use", "dropped", each=each) if each else ""
 
 
-def likely_sizes(result: Ladder) -> tuple[int, ...]:
-    """Return the least and largest size of models that would do as well.
+def sizes_as_good(result: Ladder) -> tuple[int, ...]:
+    """Return the least and largest size of models that pass the rule of the choice.
 
-    Nothing if one model is likelier than all others.
+    Nothing if only the model to use does.
     """
-    if result.chosen.weight > 0.5:
-        return ()
-    likely, total = [], 0.0
-    for model in sorted(result.models, key=lambda m: -m.weight):
-        if total < LEVEL:
-            likely.append(len(model))
-        total += model.weight
-    return min(likely), max(likely)
+    best = result.models[result.least].step.score
+    good = {len(m) for m in result.models if may_stand(m.step.score, best)}
+    good.add(len(result.chosen))
+    return (min(good), max(good)) if len(good) > 1 else ()
 
 
 def _move_row(r: PrunedModel) -> dict[str, Any]:
