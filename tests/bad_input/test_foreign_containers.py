@@ -66,28 +66,29 @@ def test_arrays_of_other_shapes_are_refused(change, sentence, arrays):
 
 def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
     turned = {k: v.T for k, v in arrays.items()}
-    path = tmp_path / "log"
-    npz = path.with_suffix(".npz")
-    for content in (arrays, turned, {"run": {"t": arrays["t"], "q": arrays["q"]}, **arrays}):
-        savemat(path.with_suffix(".mat"), content)
-        flat = {k: v for k, v in content.items() if k != "run"}
-        np.savez(npz, **flat)
-        for suffix in (
-            ".npz",
-            *((".mat",) if content is not turned and "run" not in content else ()),
-        ):
-            log = Log.read(path.with_suffix(suffix), known)
+    npz = tmp_path / "log.npz"
+    mat = tmp_path / "log.mat"
+    for content in (arrays, turned):
+        savemat(mat, arrays)
+        np.savez(npz, **content)
+        for path in (npz, mat):
+            log = Log.read(path, known)
             same(log, arrays)
             assert log.notes[0].endswith("(in the robot's order)")
-    for content in ({"run3": turned}, {"log": {"state": turned, "cmd": {"q": 0 * arrays["q"]}}}):
-        savemat(path.with_suffix(".mat"), content)
-        same(Log.read(path.with_suffix(".mat"), known), arrays)
-    savemat(path.with_suffix(".mat"), {"log": turned, "log2": turned})
-    assert "'log2.tau[0]'" in str(Log.read(path.with_suffix(".mat"), known).notes)
-    known = replace(known, torque=MeasuredTorque(gain=1.0))
-    for number in (1000.0, np.ones(3)):
-        np.savez(npz, t=arrays["t"], q=arrays["q"], current=arrays["tau"], fs=number)
-        same(Log.read(npz, known), arrays)
+    both = {"log": turned, "log2": turned}
+    for content in (
+        {"run3": turned},
+        {"log": {"state": turned, "cmd": {"q": 0 * arrays["q"]}}},
+        both,
+    ):
+        savemat(mat, content)
+        log = Log.read(mat, known)
+        same(log, arrays)
+    assert "'log2.tau[0]'" in str(log.notes)
+    gained = replace(known, torque=MeasuredTorque(gain=1.0))
+    for more in (1e3, np.ones(3)):
+        np.savez(npz, t=arrays["t"], q=arrays["q"], current=arrays["tau"], more=more)
+        same(Log.read(npz, gained), arrays)
     np.savez(npz, **reverse(arrays), joints=np.array(JOINTS[::-1]))
     log = Log.read(npz, known)
     same(log, arrays)

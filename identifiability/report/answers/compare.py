@@ -26,6 +26,7 @@ from identifiability.physical.pseudo_inertia import QUANTITIES
 
 from .commands import export_line, ladder_option, name_logs, validate_options
 from .common import (
+    JOINT_KINDS,
     NAMED,
     WORDS,
     AnsweringPresenter,
@@ -249,13 +250,10 @@ def _state_change(change: Change) -> str:
     listed.
     """
     about = "diagnosis.change"
-    size, sd, unit = 100 * change.share, 100 * change.share_sd, "%"
-    words = "rose", "fell"
-    if change.kind == "load":
-        size, sd, unit, words = change.sizes[0], change.sd[0], "kg", ("grew", "shrank")
+    what, size, sd, unit = _find_size(change)
     if abs(size) > REACH * sd:
-        by = measured(abs(size), sd, unit)
-        return sentence(about, words[int(size < 0)], what=change.what, by=by)
+        word = ("grew", "shrank") if change.kind == "load" else ("rose", "fell")
+        return sentence(about, word[int(size < 0)], what=what, by=measured(abs(size), sd, unit))
     parts = []
     for name, x, s, u in zip(change.names, change.sizes, change.sd, change.units, strict=True):
         times, unit = (100, "%") if u == "1" else (1, u)
@@ -264,6 +262,22 @@ def _state_change(change: Change) -> str:
             parts.append(sentence(about, "by", name=name, by=by))
     sizes = f": {listing(parts)}" if parts else ""
     return sentence(about, "changed", what=change.what, sizes=sizes)
+
+
+def _find_size(change: Change) -> tuple[str, float, float, str]:
+    """Return what changed, its size with standard error, and their unit.
+
+    If only one number of the friction surely changed, the share is of that number.
+    """
+    if change.kind == "load":
+        return change.what, change.sizes[0], change.sd[0], "kg"
+    seen = (np.abs(change.sizes) > REACH * change.sd).nonzero()[0].tolist()
+    if change.kind == "friction" and len(seen) == 1 and change.determined[k := seen[0]]:
+        kind = change.names[k].removeprefix(f"{change.place}.")
+        size, sd = 100 * np.array([change.sizes[k], change.sd[k]]) / abs(change.before[k])
+        if kind in JOINT_KINDS and np.isfinite(size):
+            return f"{sentence('values', kind)} of {change.place}", size, sd, "%"
+    return change.what, 100 * change.share, 100 * change.share_sd, "%"
 
 
 def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
