@@ -334,8 +334,8 @@ def _differ(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
 # ``D = P - M⁺``, is no noise, so no interval of the residual holds it. Its possible size follows
 # from two sources. The robot file states masses and places of bodies to ± `body_share`. The logs
 # have information on omitted parameters: the residual has the part of their torque that no kept
-# parameter absorbs. Both together are a normal posterior. Friction, rotors and offsets are taken to
-# be as the file says.
+# parameter absorbs. Both together are a normal posterior. Friction and rotors are taken to be as
+# the file says; torque offsets, which no file states, may be as large as the unpruned model says.
 #
 # A file can be further from the robot than that, and a model may omit effects that no file states.
 # The unpruned model shows it: where its own interval for a label does not reach that of the model,
@@ -392,6 +392,19 @@ def body_scatter(structure: Structure) -> Array:
     return scatter
 
 
+def _offset_scatter(structure: Structure, submodel: Submodel, full: Estimate) -> Array:
+    """Return the possible sizes of omitted torque offsets, which no file states, (p,).
+
+    The variance of the normal prior of each is what makes its fitted value likeliest, zero where
+    that is within its standard error.
+    """
+    variance = np.diag(full.covariance) * float(np.max(full.times))
+    squares = np.maximum((full.value - submodel.fixed) ** 2 - variance, 0.0)
+    squares = np.where(full.determined & ~submodel.M.any(1), squares, 0.0)
+    size = dict(zip(structure.base.names, np.sqrt(squares).tolist(), strict=True))
+    return np.array([size.get(n, 0.0) * n.endswith(".off") for n in structure.columns])
+
+
 def find_left_out(
     structure: Structure,
     submodel: Submodel,
@@ -419,6 +432,8 @@ def find_left_out(
     difference[np.abs(difference) < ROUNDOFF * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
     stated = structure.nominal_base - submodel.fixed
     scatter = body_scatter(structure)
+    if full is not None:
+        scatter = np.hypot(scatter, _offset_scatter(structure, submodel, full))
     shift = difference @ stated
     spread = (difference @ structure.G) * scatter
     if full is not None:

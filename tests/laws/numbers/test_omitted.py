@@ -22,16 +22,15 @@ NAMES = (*(f"body.{k}" for k in GROUPED_KINDS), "joint.Fv", "joint.Fc")
 FILE = np.array([2.0, 0.1, 0.2, 1.5, 0.1, 1.1, 0.6, 0.3, 0.1, 4.0, 5.0, 7.0])
 
 
-def structure_of(nominal):
+def structure_of(nominal, names=NAMES):
     """Return a robot of one body and a joint with friction, every parameter a base parameter."""
-    nominal = np.array(nominal)
     return SimpleNamespace(
         nominal=nominal,
         nominal_base=nominal,
         G=np.eye(12),
-        columns=NAMES,
+        columns=names,
         inertial=np.arange(10)[None],
-        base=SimpleNamespace(names=NAMES),
+        base=SimpleNamespace(names=names),
     )
 
 
@@ -153,11 +152,19 @@ def quiet(motion, seed=0, size=1e-6):
     return size * default_rng(seed).standard_normal(motion.shape[:2])
 
 
-def known_by_logs(motion, submodel, theta, noise):
-    """Return what is left out where logs are asked too, and the fit."""
+def known_by_logs(motion, submodel, theta, noise, file=FILE, names=NAMES):
+    """Return what is left out where logs are asked too, the fit, and that of all parameters."""
     every = gather(motion, motion @ theta + noise, columns=NAMES)
     fit, full = (find_estimator("ols").fit(i) for i in (submodel.reduce(every), every))
-    return find_left_out(structure_of(FILE), submodel, every, fit, full), fit
+    return find_left_out(structure_of(file, names), submodel, every, fit, full), fit, full
+
+
+def test_an_offset_that_is_left_out_counts_as_far_as_the_logs_show_it(motion):
+    file = np.append(FILE[:11], 0.0)
+    theta = np.append(FILE[:11], 1.0)
+    given = submodel_of(range(11)), theta, quiet(motion), file, (*NAMES[:11], "joint.off")
+    found, fit, _ = known_by_logs(motion, *given)
+    assert_allclose(found.sigma, np.abs(fit.value - theta[:11]), rtol=1e-4)
 
 
 @pytest.mark.parametrize("size", [1e-6, 0.3])
@@ -165,13 +172,9 @@ def test_what_no_file_states_is_noticed_by_the_unpruned_model(motion, size):
     """Friction far from the file's is left out: its scatter is zero, but the logs know better."""
     kept = [0, 5, 9]
     theta = FILE + np.where(np.arange(12) == 10, 40.0, 0.0)
-    every = gather(motion, motion @ theta + quiet(motion, size=size), columns=NAMES)
     fixed = np.where(np.isin(np.arange(12), kept), 0.5 * FILE, 0.0)
     submodel = submodel_of(kept, fixed)
-    own = find_estimator("ols")
-    fit = own.fit(submodel.reduce(every))
-    full = own.fit(every)
-    found = find_left_out(structure_of(FILE), submodel, every, fit, full)
+    found, fit, full = known_by_logs(motion, submodel, theta, quiet(motion, size=size))
     label = (full.value - fixed)[kept]
     apart = np.abs(fit.value - label)
     own = REACH * full.sigma[kept] * np.sqrt(full.times.max())
@@ -187,21 +190,20 @@ def test_what_no_file_states_is_noticed_by_the_unpruned_model(motion, size):
 def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
     submodel = submodel_of([0, 5, 9, 10, 11])
     theta = FILE + np.where(np.arange(12) == 3, 40.0, 0.0)
-    found, _ = known_by_logs(motion, submodel, theta, quiet(motion, size=1e7))
+    found = known_by_logs(motion, submodel, theta, quiet(motion, size=1e7))[0]
     assert np.isnan(found.disputed).all()
 
 
 def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
     kept = [0, 5, 9, 10]
     theta = FILE + body_scatter(structure_of(FILE)) * default_rng(3).standard_normal(12)
-    found, fit = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
+    found, fit, _ = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
     assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
 
 
 def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):
     kept = [0, 5, 9, 10, 11]
-    noise = quiet(motion, size=1e7)
-    found, _ = known_by_logs(motion, submodel_of(kept), FILE, noise)
+    found = known_by_logs(motion, submodel_of(kept), FILE, quiet(motion, size=1e7))[0]
     alone, _ = left_out(motion, FILE, submodel_of(kept))
     assert_allclose(found.sigma, alone.sigma, rtol=1e-3)
 
@@ -219,7 +221,8 @@ def test_sigma_is_the_rms_distance_whatever_the_noise_and_follows_the_robot():
     said = []
     for _ in range(60):
         theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
-        found, fit = known_by_logs(W, submodel, theta, size * rng.standard_normal(W.shape[:2]))
+        noise = size * rng.standard_normal(W.shape[:2])
+        found, fit, _ = known_by_logs(W, submodel, theta, noise)
         squares.append((fit.value - theta[kept]) ** 2)
         said.append(found.sigma**2 + noise_variance)
     error = np.std(np.array(squares) - said, axis=0) / np.sqrt(60)
