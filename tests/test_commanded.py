@@ -47,7 +47,7 @@ from identifiability.servos import (
     state_standing,
 )
 from identifiability.servos.descent import BEGUN, descend
-from identifiability.servos.fit import divide_gains, leave_bounds
+from identifiability.servos.fit import compare_bodies, divide_gains, leave_bounds
 from identifiability.servos.rollouts import are_contradicted
 from identifiability.servos.windows import cut_windows
 from identifiability.simulation.rollout import CommandedRobot
@@ -180,10 +180,19 @@ def test_torque_of_rows_in_which_a_rollout_turns_elsewhere_has_the_friction_of_t
     assert changes[0].std() < 2.0 * changes[1].std()  # 4 if friction is interpolated
 
 
-def test_bodies_that_motion_does_not_determine_hide_no_wrong_scale(arm):
+def test_bodies_that_motion_does_not_determine_hide_no_wrong_scale():
+    def exceeds(larger, sd):
+        problem = SimpleNamespace(shares=dict.fromkeys("abcdef", 0.2), bodies=slice(6))
+        sizes = {"sizes": 0.5 * np.array(larger)}
+        rolled = SimpleNamespace(search=(problem,), unsure=0.5 * np.array(sd), numbers=sizes)
+        mean, chance = compare_bodies(rolled)
+        return abs(mean) > chance
+
     larger, sd = np.repeat([[-0.2, 0.3], [0.25, 0.05]], [4, 2], axis=1)
-    assert arm.servo.has_doubtful_scale(larger, sd, [0.2] * 6)
-    assert not arm.servo.has_doubtful_scale(larger, 0 * sd, [0.2] * 6)
+    assert exceeds(larger, sd)
+    assert not exceeds(larger, 0 * sd)
+    # A file whose bodies are 13 % too light, and gains that are right.
+    assert not exceeds([0.0, 0.23, 0.38, 0.16, -0.01, 0.0], [0.2, 0.12, 0.12, 0.14, 0.08, 0.13])
 
 
 FAULTS = [

@@ -196,28 +196,6 @@ class Servo:
             "Ia matters, state rate (Hz), lag (s) and speed_lag (s) in [servo] of the sidecar."
         )
 
-    def has_doubtful_scale(self, larger: Array, sd: Array, shares: Sequence[float]) -> bool:
-        """Return whether one factor seems wrong in all stated gains; not if logs gave them.
-
-        Commands and positions determine only ratios of gain and mass. Gains that are too high make
-        all bodies heavier.
-
-        Parameters
-        ----------
-        larger : (b,)
-            Log ratios of masses from rollouts to masses of the file.
-        sd : (b,)
-            Their standard deviations.
-        shares : sequence of b float
-            Prior standard deviation of each log ratio.
-        """
-        # The part of each ratio that rollouts determine; prior knowledge determines the rest.
-        by_rollouts = np.maximum(1 - (sd / shares) ** 2, 0.0)
-        reach = REACH * np.sqrt(by_rollouts.sum())
-        # A ratio that rollouts do not determine may still be far from one: they are not linear.
-        apart = np.sum(larger / shares, where=by_rollouts > 0)
-        return not (self.rolled or self.kept) and bool(abs(apart) > reach)
-
     def reaches_limit(self, torque: Array) -> np.ndarray:
         """Return where torque, (N, …, n), is at a limit in some row, (…, n) bool."""
         return np.any((torque <= self.low) | (torque >= self.high), axis=0)

@@ -16,7 +16,9 @@ import numpy as np
 
 from identifiability.effects.vocabulary import drop_follower_friction
 from identifiability.estimation.rules import RULES
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import NumberByName
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.runs import First, Progress, quiet
 from identifiability.logs import Log
 from identifiability.robot import Robot
@@ -245,6 +247,30 @@ def follows_better(robot: Robot, logs: Sequence[Log], found: Rollouts, other: Nu
     return bool(np.sum(np.log(theirs[moves] / ours[moves])) > 0)
 
 
+def compare_bodies(found: Rollouts) -> tuple[float, float]:
+    """Return the mean log ratio of masses to the file's, and how large it may be by chance (95 %).
+
+    Commands and positions determine only ratios of gain and mass: gains that are too high make all
+    bodies heavier. A file may err in each body by its share, or in all alike. Errors of the mean,
+    by rollouts and by how bodies differ, add to the latter.
+    """
+    problem = found.search[0]
+    shares = np.array([*problem.shares.values()])
+    sd = 2.0 * found.unsure[problem.bodies]
+    # The part of each ratio that rollouts determine; prior knowledge determines the rest.
+    by_rollouts = np.maximum(1 - (sd / shares) ** 2, 0.0)
+    precision = by_rollouts / shares**2
+    if not precision.any():
+        return 0.0, np.inf
+    weights = precision / precision.sum()
+    ratios = 2.0 * found.numbers["sizes"] / or_one(by_rollouts)
+    mean = float(weights @ ratios)
+    variances = (ratios - mean) ** 2 + sd**2 / or_one(by_rollouts)
+    error = np.sqrt(weights**2 @ variances)
+    share = np.sqrt(by_rollouts.sum() / precision.sum())
+    return mean, float(max(share + error, REACH / np.sqrt(precision.sum())))
+
+
 def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:
     """Return rollouts with divided gains of the servos, and the factor.
 
@@ -252,9 +278,7 @@ def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:
     on the factor, too, so that further steps, each half as long, follow as long as they gain.
     """
     problem = found.search[0]
-    prior = 0.5 * np.array([*problem.shares.values()])
-    by_rollouts = np.maximum(1 - (found.unsure[problem.bodies] / prior) ** 2, 0.0)
-    step = 2.0 * float(np.average(found.numbers["sizes"], weights=by_rollouts))
+    step, _ = compare_bodies(found)
     factor = np.exp(step)
     divided = _divide_once(found, factor)
     servo = divided.search[0].machine.servo.having(divided.numbers)

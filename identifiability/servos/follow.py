@@ -15,6 +15,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array, NumberByName
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.runs import First, Progress
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -31,7 +32,7 @@ from identifiability.simulation.rollout import CommandedRobot
 from .arrivals import leave_out_irregular, move_commands
 from .calibration import calibrate_torque, prepare_recording
 from .contacts import fit_unblocked, move_by_rollouts, set_aside_blocked, state_blocked
-from .fit import approach_rollouts, divide_gains, refit_rollouts, share_turns
+from .fit import approach_rollouts, compare_bodies, divide_gains, refit_rollouts, share_turns
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints, state_held_out_limits
 from .rollouts import Rollouts, are_contradicted
@@ -238,15 +239,15 @@ def identify_servos(
         servo = with_numbers(servo, better)
     robot = replace(robot, servo=servo)
     text = filter(None, [check_found(robot, logs, found), state_servos(robot, logs, found)])
-    larger = 2.0 * found.numbers["sizes"]
-    sd = 2.0 * found.unsure[found.search[0].bodies]
     scale = list[Finding]()
-    if servo.has_doubtful_scale(larger, sd, [*file_shares(robot).values()]):
-        # Motion determines ratios alone, and masses of the file are better known than drives.
-        rivals = [servo]
+    larger, chance = compare_bodies(found)
+    # Gains that logs determined have the scale of the file's bodies already.
+    if not (servo.rolled or servo.kept) and abs(larger) > chance:
         found, factor = divide_gains(found)
         scale = [Finding("gains_scale", servo.source, factor=factor)]
         servo = with_numbers(servo.divided(factor), found)
+        alike = np.concatenate([servo.integral, servo.kv, np.ones(len(servo.kp))])
+        servo = replace(servo, doubt=np.vstack([servo.doubt, chance / REACH * alike]))
         robot = replace(robot, servo=servo)
     rivals += servo.doubted
     return IdentifiedServos(robot, found, tuple(rivals), (*odd, *scale), " ".join(text))
