@@ -180,6 +180,8 @@ class Missing:
         The noise, where it is known.
     families : collection of str or None
         Those that may be named; all where it is None.
+    refuted : collection of (str, str)
+        Families and places that may not be named.
     """
 
     candidates: tuple[Candidate, ...]
@@ -187,6 +189,7 @@ class Missing:
     root: Array = field(default_factory=lambda: np.empty((0, 0)))
     given: ARNoise | None = None
     families: Collection[str] | None = None
+    refuted: Collection[tuple[str, str]] = ()
 
     @staticmethod
     def of(regression: Regression, families: Sequence[Family], present: Present) -> Missing:
@@ -416,7 +419,8 @@ class Missing:
     def groups(self) -> tuple[Group, ...]:
         """Groups of the candidates, each with its price."""
         may = self.families
-        asked = [key for key in self.sets if may is None or key[0] in may]
+        possible = [key for key in self.sets if key not in self.refuted]
+        asked = [key for key in possible if may is None or key[0] in may]
         places = Counter(name for name, _ in asked)
         families = {k[0]: self.sets[k][0][0].family for k in asked}
         likely = {name: np.exp(-RULES.rival * f.unnamed) for name, f in families.items()}

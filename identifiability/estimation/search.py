@@ -606,6 +606,7 @@ def find_missing(
     irregular: bool = False,
     known: MissingEffects | None = None,
     play: Collection[str] = (),
+    own_delays: Array | None = None,
 ) -> MissingEffects:
     """Return the effects that a model with all columns of a regression may lack.
 
@@ -617,6 +618,9 @@ def find_missing(
     Effects that are `known` were found in the same rows. The model has got some of them since, and
     lacks the others. Joints with `play` show no other effects, nor do those that share a link with
     them: the play is in their torque.
+
+    Rollouts refute delays of joints with which they would err more (`Rollouts.own_delays`).
+    The search then begins again without them.
     """
     robot = structure.robot
     every = find_families(None, commanded=commanded)
@@ -630,13 +634,31 @@ def find_missing(
     if not len(missing.seen.y) or not missing.groups:
         return NO_MISSING_EFFECTS
     if known is not None:
-        return _conclude_known(Search(missing.under(known.noise)), known)
+        search = Search(missing.under(known.noise))
+        return _leave_refuted(_conclude_known(search, known), search, robot, own_delays)
     others = None if unseen is None else Excerpt.of(unseen).leave_out(spoilt)
-    found = _conclude_named(name_terms(Search(missing, others)), robot)
+    found = _name_missing(missing, others, robot, own_delays)
     # The noise of joints that were left out is that of all their rows.
     each = enumerate(zip(spoilt.tolist(), found.noise, strict=True))
     noise = tuple(whole.noise_of(j) if out else own for j, (out, own) in each)
     return replace(found, noise=noise)
+
+
+def _name_missing(
+    missing: Missing, others: Excerpt | None, robot: Robot, own_delays: Array | None
+) -> MissingEffects:
+    """Return the effects on rows that others do not refute, nor rollouts their delays."""
+    judged = name_terms(Search(missing, others))
+    found = _conclude_named(judged, robot)
+    kept = _leave_refuted(found, judged.search, robot, own_delays)
+    left = {t.key for t in kept.named}
+    gone = {t.key for t in found.named} - left
+    if not gone:
+        return kept
+    late = {key for key in missing.sets if key[0] == CommandDelay.name}
+    # Rows that show none but false delays show none.
+    refuted = {*missing.refuted, *(gone if late & left else late)}
+    return _name_missing(replace(missing, refuted=refuted), others, robot, own_delays)
 
 
 def _conclude_named(judged: Judged, robot: Robot) -> MissingEffects:
@@ -676,6 +698,30 @@ def is_unknown_age(share: Share, robot: Robot) -> bool:
     sd = np.linalg.norm(share.root, axis=0)
     within = np.abs(share.value) <= robot.servo.unknown_lags[0] + 2.0 * sd
     return bool(within.all())
+
+
+def _leave_refuted(
+    found: MissingEffects, search: Search, robot: Robot, own_delays: Array | None
+) -> MissingEffects:
+    """Return the effects without delays of joints with which rollouts would err more."""
+    refuted = {s.term.key for s in found.shares if is_refuted(s, robot, own_delays)}
+    if not refuted:
+        return found
+    kept = tuple(t for t in found.named if t.key not in refuted)
+    return _conclude(search, kept, refuted)
+
+
+def is_refuted(share: Share, robot: Robot, own_delays: Array | None) -> bool:
+    """Return whether rollouts would err more if commands acted later as torque says."""
+    group = share.term.group
+    if group.family != CommandDelay.name or own_delays is None:
+        return False
+    joints = robot.motor_joints if group.place == EVERYWHERE else (group.place,)
+    later = np.zeros(len(own_delays))
+    later[[robot.joints.index(joint) for joint in joints][: len(share.value)]] = share.value
+    errors = own_delays[:, -1]
+    moved = own_delays @ later + errors
+    return bool(moved @ moved >= errors @ errors)
 
 
 def is_drift_of_integral(share: Share, robot: Robot) -> bool:
@@ -732,17 +778,20 @@ def _share_of(
     return Share(term, weight, own, columns, value, root)
 
 
-def _conclude(search: Search, terms: Terms) -> MissingEffects:
+def _conclude(
+    search: Search, terms: Terms, refuted: Collection[tuple[str, str]] = ()
+) -> MissingEffects:
     """Return the effects of some terms, and of one group more, on the labels of a model.
 
     A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
-    would widen every label. So it is one group more only where a scale was found.
+    would widen every label. So it is one group more only where a scale was found. Groups that are
+    refuted are none.
     """
     missing = search.missing
     model = search.model
-    if all(t.group.family != TorqueScale.name for t in terms):
-        usual = tuple(g for g in model.groups if g.family != TorqueScale.name)
-        model = replace(model, groups=usual)
+    unlikely = {TorqueScale.name} - {t.group.family for t in terms}
+    usual = (g for g in model.groups if g.family not in unlikely and g.key not in refuted)
+    model = replace(model, groups=tuple(usual))
     groups = [(t, 1.0, 1.0, terms) for t in terms]
     alternatives = model.alternatives(terms, NONLINEAR_FRICTION)
     groups += [(t, weight, own, (*terms, t)) for t, weight, own in alternatives]

@@ -34,7 +34,7 @@ from .calibration import calibrate_torque, prepare_recording
 from .contacts import fit_unblocked, move_by_rollouts, set_aside_blocked, state_blocked
 from .fit import approach_rollouts, compare_bodies, divide_gains, refit_rollouts, share_turns
 from .gains import file_shares, with_numbers
-from .odd_joints import find_odd_joints, state_held_out_limits
+from .odd_joints import find_odd_joints, state_held_out_limits, weigh_delays
 from .rollouts import Rollouts, are_contradicted
 from .standing import state_standing
 from .torque import replace_servo, set_aside_rows
@@ -130,7 +130,8 @@ def follow_commands(
     plain = replace(servos.robot, servo=replace(servos.servo, rolled=None))
     structure = replace(structure, robot=plain)
     recordings = _calibrate(recordings, structure, servos, at, irregular, how, rng)
-    rolled = replace(servos.found, search=(), file_servo=file_servo)
+    delays = weigh_delays(servos.found)
+    rolled = replace(servos.found, search=(), own_delays=delays, file_servo=file_servo)
     return replace(recordings, rolled=rolled), structure
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.linalg import or_one
+from identifiability.foundation.linalg import or_one, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import toml_key
 from identifiability.foundation.rules import Tolerance
@@ -168,6 +168,20 @@ def _screen(
         start[at] = np.where(likely > gain[at], -np.sign(slope) * np.abs(by[at]), start[at])
         gain[at] = np.maximum(likely, gain[at])
     return Screening(gain, start)
+
+
+def weigh_delays(found: Rollouts) -> Array:
+    """Return what rollouts say of a delay of each joint alone, (n + 1, n + 1).
+
+    It times the delays [s] and a one has the length of the weighted errors, to first order. Other
+    numbers replace what they can.
+    """
+    problem, (x, q, J, _) = found.search
+    weights = problem.weights(q)
+    late = weights[:, None] * problem.delay_each(x)
+    basis = np.linalg.qr(J[:, problem.varied])[0]
+    errors = weights * problem.residual(q, x)
+    return triangular_factor(_without(basis, np.column_stack([late, errors])))
 
 
 def _without(basis: Array, rows: Array) -> Array:

@@ -6,6 +6,7 @@ Only positions are compared, so nothing is differentiated and columns have no no
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -400,6 +401,21 @@ class RolloutProblem:
             k = self.bodies.stop + log
             J[start:stop, :, k] = (late - base)[start:stop] / by[k]
         return J
+
+    def delay_each(self, x: Array) -> Array:
+        """Return the change of the residual by commands of each joint alone one row later, (r, n).
+
+        Divided by a row's time: a delay of that size is what matters, and noise less than it.
+        """
+        columns = []
+        base = self.differences(self.roll([x], COARSE * STEP)[0])
+        problem = copy(self)
+        for joint in range(len(self.trees)):
+            problem.windows = [window.delay(joint) for window in self.windows]
+            late = problem.differences(problem.roll([x], COARSE * STEP)[0])
+            columns.append((late - base).ravel() / self.dt)
+        known = np.zeros((len(columns), len(self.prior_residual(x))))
+        return np.hstack([columns, known]).T
 
     def scale_response(self, x: Array) -> tuple[Array, Array]:
         """Return the direction that enlarges trees with unknown gains, (p,), and its response.

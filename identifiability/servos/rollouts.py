@@ -45,6 +45,8 @@ class Rollouts:
         Rows of each log in which something outside the robot holds a joint.
     search : tuple
         The problem, and where its search ended: vector, positions, weighted derivative.
+    own_delays : (n + 1, n + 1)
+        What they say of a delay of each joint alone (`weigh_delays`).
     file_servo : Servo or None
         The servos as they are stated, before rollouts changed their numbers.
     """
@@ -59,6 +61,7 @@ class Rollouts:
     unsure: Array
     blocked: tuple[np.ndarray, ...] = ()
     search: tuple[Any, ...] = ()
+    own_delays: Array = np.zeros((0, 0))
     file_servo: Any = None
 
 

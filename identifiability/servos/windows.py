@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -59,6 +60,16 @@ class Window:
         """Return the window of the rows [start, stop) of the log of a number."""
         rows = log.rows(start, stop)
         return Window(k, rows, moving_commands(rows), log)
+
+    def delay(self, joint: int) -> Window:
+        """Return the same stretch with the commands of one joint a row later."""
+        late = {}
+        for name in ("q_ref", "dq_ref", "tau_ff"):
+            command = getattr(self.rows, name)
+            if command is not None:
+                late[name] = command.copy()
+                late[name][1:, joint] = command[:-1, joint]
+        return replace(self, rows=replace(self.rows, **late))
 
     def along(self, log: Log) -> Window:
         """Return the same stretch of another version of its log."""

@@ -230,6 +230,7 @@ class Data(OfStructure):
         irregular = bool(of_key(self.hints, "irregular"))
         odd = of_key(self.hints, "odd_joint")
         play = [joint for x in odd for joint in x.numbers["play"]]
+        rolled = self.recordings.rolled
         return find_missing(
             self.structure,
             self.regression,
@@ -238,6 +239,7 @@ class Data(OfStructure):
             irregular=irregular,
             known=self.lacked,
             play=play,
+            own_delays=None if rolled is None else rolled.own_delays,
         )
 
     @cached_property

@@ -315,15 +315,19 @@ def test_what_the_last_part_lacks_or_play_is_beside_is_not_named(arm, until, pla
     assert found == (until == 1.0 and not play)
 
 
-@pytest.mark.parametrize("late", [False, True])
-def test_commands_are_late_only_beyond_the_unknown_age_of_measurements(arm, late):
+@pytest.mark.parametrize(("late", "refuted"), [(False, False), (True, False), (True, True)])
+def test_commands_are_late_beyond_unknown_ages_unless_rollouts_refute_it(arm, late, refuted):
     one = np.ones(2)
     robot = replace(arm[0], servo=Servo(one, one, -one, one, rate=10.0))
     structure = Structure.of(robot, arm[2].model)
     effect = "elbow", 5 + 45 * late, lambda q, v, tau: np.gradient(tau)
     log = drawn((robot, arm[1], structure), 3, 0.6, effect)
-    missing = find_missing(structure, log, commanded=True)
-    assert bool(missing.named) == bool([*say_delays(robot, missing)]) == late
+    # Each joint is late by 0 ± 1 ms.
+    rolled = np.diag([1e3, 1e3, 1.0]) if refuted else None
+    missing = find_missing(structure, log, commanded=True, own_delays=rolled)
+    assert bool(missing.named) == late
+    assert bool([*say_delays(robot, missing)]) == (late > refuted)
+    assert refuted <= all(s.term.group.family != "command_delay" for s in missing.shares)
 
 
 def test_weights_of_rows_multiply_products():
