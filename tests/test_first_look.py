@@ -101,22 +101,22 @@ def test_the_help_imports_nothing_large(said):
     assert stdout.endswith("\n0\n")
 
 
-#: Options that are written, with what else the verb must be told.
+#: What else the verb must be told, and options that are written.
 WRITTEN = {
-    "analyze": (["two-link", "run.csv"], ["--report", "--json", "--out"]),
-    "prune": (["two-link", "run.csv"], ["--report", "--json", "--out"]),
-    "diagnose": (["two-link", "run.csv"], ["--report", "--json", "--out", "--next"]),
-    "calibrate": (["two-link", "run.csv"], ["--report", "--json"]),
-    "inspect": (["two-link"], ["--report", "--json"]),
-    "predict": (["two-link", "r.json", "run.csv"], ["--report", "--json", "--out"]),
-    "payload": (["two-link", "r.json", "run.csv"], ["--report", "--json"]),
-    "compare": (["two-link", "run.csv", "run.csv"], ["--report", "--json"]),
-    "export": (["two-link", "r.json"], ["--out"]),
-    "simulate": (["two-link", "random"], ["--out"]),
-    "excite": (["two-link", "--out", "m.json"], ["--report", "--out"]),
-    "demo": ([], ["--folder"]),
-    "paper": ([], ["--out"]),
-    "new": (["x.pdf"], []),
+    "analyze": "two-link run.csv, --report --json --out",
+    "prune": "two-link run.csv, --report --json --out",
+    "diagnose": "two-link run.csv, --report --json --out --next",
+    "calibrate": "two-link run.csv, --report --json",
+    "inspect": "two-link, --report --json",
+    "predict": "two-link r.json run.csv, --report --json --out",
+    "payload": "two-link r.json run.csv, --report --json",
+    "compare": "two-link run.csv run.csv, --report --json",
+    "export": "two-link r.json, --out",
+    "simulate": "two-link random, --out",
+    "excite": "two-link --out m.json, --report --out",
+    "demo": ", --folder",
+    "paper": ", --out",
+    "new": ",",
 }
 
 
@@ -125,10 +125,9 @@ def test_a_name_of_another_format_is_refused_before_anything_is_read(
     verb, command, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    words, options = WRITTEN[verb]
-    for option in options or [None]:
-        typed = [verb, *words] if option is None else [verb, *words, option, "x.pdf"]
-        done = command(*typed)
+    words, options = map(str.split, WRITTEN[verb].split(","))
+    for option in options or [""]:
+        done = command(verb, *words, *option.split(), "x.pdf")
         assert done.exit_code == 2
         assert "'x.pdf'" in done.stderr
         assert "does not end in" in done.stderr or "that of a folder" in done.stderr
@@ -141,9 +140,10 @@ def test_no_verb_writes_over_the_result_of_another(command, tmp_path, monkeypatc
     for name in ("r.json", "run.csv", "m.json"):
         (tmp_path / name).touch()
     other.write_text('{"schema": "identifiability/other/1"}')
-    writes_json = [verb for verb, (_, options) in WRITTEN.items() if "--json" in options]
-    for verb in writes_json:
-        done = command(verb, *WRITTEN[verb][0], "--json", "other.json")
+    for verb, text in WRITTEN.items():
+        if "--json" not in text:
+            continue
+        done = command(verb, *text.split(",")[0].split(), "--json", "other.json")
         assert done.exit_code != 0
         assert "holds the result of another verb" in done.stderr, verb
 

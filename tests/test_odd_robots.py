@@ -10,6 +10,7 @@ import pytest
 from numpy.random import default_rng
 
 from identifiability import IdentifiabilityError, Model, Robot, analyze, find_base_parameters
+from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.output import plain
 from identifiability.regression.reduction import DEFAULT_EFFECTS
 
@@ -133,8 +134,7 @@ class Odd:
             inertia = R @ np.diag(model.body_inertia[k + 1]) @ R.T
             inertia += m * (np.dot(c, c) * np.eye(3) - np.outer(c, c))
             whole = (m, *(m * c), *inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]])
-            named = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-            values |= {f"l{k}.{n}": v for n, v in zip(named, whole, strict=True)}
+            values |= {f"l{k}.{n}": v for n, v in zip(INERTIAL_KINDS, whole, strict=True)}
             size = 1.0 if kind == "H" else self.scale
             own = {"Fc": b["friction"][0], "Fv": b["friction"][1] / size, "Ia": b["rotor"]}
             values |= {f"j{k}.{n}": float(v) for n, v in (own | {"off": 0.0}).items()}

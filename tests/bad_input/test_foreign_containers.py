@@ -75,12 +75,8 @@ def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
             log = Log.read(path, known)
             same(log, arrays)
             assert log.notes[0].endswith("(in the robot's order)")
-    both = {"log": turned, "log2": turned}
-    for content in (
-        {"run3": turned},
-        {"log": {"state": turned, "cmd": {"q": 0 * arrays["q"]}}},
-        both,
-    ):
+    some = {"state": turned, "cmd": {"q": 0 * arrays["q"]}}
+    for content in ({"run3": turned}, {"log": some}, {"log": turned, "log2": turned}):
         savemat(mat, content)
         log = Log.read(mat, known)
         same(log, arrays)
@@ -98,24 +94,22 @@ def test_npz_and_mat_are_read_and_said(arrays, known, tmp_path, refused):
 
 
 def test_containers_without_a_log_are_refused_by_name(arrays, known, tmp_path):
-    path = tmp_path / "log"
-    npz = path.with_suffix(".npz")
-    np.savez(npz, a=arrays["q"])
-    with pytest.raises(LogError, match=r"has no array 't' of times \[s\]; it holds a"):
-        Log.read(npz, known)
-    np.savez(npz, t=arrays["t"], q=arrays["q"][:50], tau=arrays["tau"])
-    with pytest.raises(LogError, match=r"of 200 times .* other sizes have q 50×2"):
-        Log.read(npz, known)
-    np.savez(npz, t=np.array([{}], object))
-    with pytest.raises(LogError, match=r"holds something else than arrays of numbers and text"):
-        Log.read(npz, known)
-    path.with_suffix(".mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform" + bytes(600))
-    with pytest.raises(LogError, match=r"version 7\.3 \(HDF5\), .*'-v7'\), or write CSV"):
-        Log.read(path.with_suffix(".mat"), known)
-    for suffix, sentence in {".xls": "old sheet", ".pkl": "any program", ".h5": "HDF5"}.items():
-        path.with_suffix(suffix).write_bytes(b"x")
+    npz = tmp_path / "log.npz"
+    for content, sentence in (
+        ({"a": arrays["q"]}, r"has no array 't' of times \[s\]; it holds a"),
+        ({**arrays, "q": arrays["q"][:50]}, r"of 200 times .* other sizes have q 50×2"),
+        ({"t": np.array([{}], object)}, "holds something else than arrays of numbers and text"),
+    ):
+        np.savez(npz, **content)
         with pytest.raises(LogError, match=sentence):
-            Log.read(path.with_suffix(suffix), known)
+            Log.read(npz, known)
+    files = {".xls": "old sheet", ".pkl": "any program", ".h5": "HDF5"}
+    files[".mat"] = r"version 7\.3 \(HDF5\), .*'-v7'\), or write CSV"
+    for suffix, sentence in files.items():
+        path = npz.with_suffix(suffix)
+        path.write_bytes(b"MATLAB 7.3 MAT-file, Platform" + bytes(600))
+        with pytest.raises(LogError, match=sentence):
+            Log.read(path, known)
 
 
 def test_sheets_are_read_with_titles_and_units(bare, arrays, known, tmp_path, monkeypatch):

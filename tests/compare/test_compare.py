@@ -57,6 +57,9 @@ def test_friction_that_rose_is_named_with_its_size(name, joint, motion):
     (change,) = found.changes
     assert abs(change.share - 0.2) < 3 * change.share_sd
     assert not change.alternatives  # neither all joints, nor the same joint again
+    one = {x: getattr(change, x)[:1] for x in ("names", "units", "sizes", "before", "before_sd")}
+    lone = replace(change, **one, covariance=change.covariance[:1, :1])
+    assert f" friction of {joint} rose by " in lone.called
     for row, sd in zip(found.tables()[0].rows[1:], change.sd, strict=False):
         true = campaign(name).robot.nominal[row[0].text]
         levels = [float(cell.text.split()[0]) for cell in row[1:3]]  # before and after

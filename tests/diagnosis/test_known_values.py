@@ -58,17 +58,18 @@ FEW = ("payload", "gravity_tilt", "torque_offset", "joint_stiffness", "coulomb_f
 @pytest.mark.parametrize("effects", [FEW, pytest.param(None, marks=pytest.mark.everything)])
 def test_errors_of_the_file_are_named_only_where_it_is_taken_as_exact(logs_of, effects):
     logs = moved(logs_of("two-link"), "two-link", off_by_a_tenth("two-link", 0))
-    exact = quick("two-link", logs[:4], logs[4:], fixed=True, effects=effects)
+    given = logs[:4], logs[4:]
+    exact = quick("two-link", *given, fixed=True, effects=effects)
     assert exact.effects
     assert any("taken as exact" in hint for hint in exact.hints)
-    told = quick("two-link", logs[:4], logs[4:], fixed=0.1, effects=effects)
+    told = quick("two-link", *given, fixed=0.1, effects=effects)
     assert told.effects == ()
     assert "each within 10 %" in told.details
     assert not any("taken as exact" in hint for hint in told.hints)
     assert told.held_before < 0.5 * exact.held_before
     bodies = {n: x for n, x in told.robot.nominal.items() if n[-2:] not in ("Fc", "Fv", "Ia")}
     bare = replace(told.robot, nominal=bodies)  # what no file states is free
-    assert quick(bare, logs[:4], logs[4:], fixed=0.1, effects=effects).effects == ()
+    assert quick(bare, *given, fixed=0.1, effects=effects).effects == ()
 
 
 def test_a_payload_beyond_the_errors_is_named_with_its_mass(logs_of):

@@ -104,8 +104,7 @@ def test_the_fewest_periods_that_are_likely_to_decide_are_asked_for():
         ask(diagnosis("quadratic_friction@elbow", "Fq", value, rivals))
         for value in (0.01, 0.2, 0.5)
     ]
-    chances = [f.chance for f in found]
-    periods = [f.periods for f in found]
+    chances, periods = zip(*((f.chance, f.periods) for f in found), strict=True)
     assert chances[0] < 0.1 < LIKELY < min(chances[1:])
     assert periods[0] == PERIODS > periods[1] > periods[2] == 1
     assert all(f.before < f.chance for f in found)
@@ -154,13 +153,13 @@ def test_what_is_a_or_b_has_its_true_name_after_the_motion_that_is_asked_for(suc
     assert named(after) == [("stribeck_friction", ("elbow",), ())]
     out = tmp_path / "motion.json"
     argv = ["diagnose", "two-link", *paths[:2], "--validate", paths[2], "--quick"]
-    done = succeeds(*argv, "--next", out)
-    assert "which begins and ends at rest" in " ".join(done.output.split())
+    some = ["--effects", "payload", "--fixed", "0.1", "--next", tmp_path / "no.json"]
+    done, none = (
+        " ".join(succeeds(*argv, *more).output.split()) for more in (["--next", out], some)
+    )
+    assert "which begins and ends at rest" in done
     told = json.loads(out.read_text())["next"]
     assert set(told["separates"]) == set(found.names)
     assert 0 <= told["before"] < told["chance"] <= 1
-    some = ["--effects", "payload", "--fixed", "0.1"]
-    done = " ".join(succeeds(*argv, *some, "--next", tmp_path / "no.json").output.split())
-    assert "What is missing? Nothing" in done
-    assert "no.json was not written: no name is in doubt" in done
-    assert "--fixed 0.1 --json" in done
+    for words in ("What is missing? Nothing", "no.json was not written", "--fixed 0.1 --json"):
+        assert words in none

@@ -11,6 +11,7 @@ from identifiability.effects import find_families
 from identifiability.effects.base import horizontal_axes
 from identifiability.effects.measurement import nominal_torque
 from identifiability.effects.nominal import reference_values
+from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.robot import complete_motion
 from identifiability.robot.servo import Servo
 
@@ -32,10 +33,7 @@ def test_a_payload_is_another_body_fixed_to_the_last_one(make, tables, polar, mo
     found = columns(polar, m, "payload")
     values = {"m": 0.5, "mx": 0.1, "mz": 0.05, "Ixx": 0.005, "Iyy": 0.025, "Izz": 0.02,
               "Ixz": -0.01}  # fmt: skip
-    assert [n for n, _ in found.items()] == [
-        f"sled.payload_{k}"
-        for k in ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-    ]
+    assert [n for n, _ in found.items()] == [f"sled.payload_{k}" for k in INERTIAL_KINDS]
     assert found["sled.payload_m"][0] == "kg"
     assert found["sled.payload_mx"][0] == "kg·m"
     assert found["sled.payload_Iyz"][0] == "kg·m²"
