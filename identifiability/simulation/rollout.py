@@ -244,7 +244,9 @@ class CommandedRobot:
         """
         damping = np.maximum(numbers["Fv"], 0.0) + self.servo.having(numbers).kv
         ratio = (self.bare + numbers["Ia"]) / np.maximum(damping, 1e-12)
-        return float(np.clip(LITTLE * ratio.min(), SHORTEST * step, step))
+        # Without kp no servo corrects what a long step changes.
+        least = SHORTEST * (step if self.servo.kp.all() else STEP)
+        return float(np.clip(LITTLE * ratio.min(), least, step))
 
     @cached_property
     def _groups(self) -> np.ndarray:
