@@ -33,10 +33,11 @@ def test_no_identifiable_parameter_beside_good_predictions_is_explained(analysis
     count = len(found.chosen.submodel)
     use = found.details
     assert "No parameter by itself, only the torque" in use
-    assert f" of {count} parameters. Log longer and more varied motion." in use
+    assert f" of {count} values: " in use
+    assert "Log longer and more varied motion." in use
     longer = analysis_of(150).details
     assert "by itself" not in longer
-    assert "largest part of the standard error" not in longer
+    assert "Largest source of error" not in longer
 
 
 def test_combinations_are_stated_where_no_parameter_is_identifiable(analysis_of):

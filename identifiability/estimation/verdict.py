@@ -14,7 +14,7 @@ from scipy.special import ndtr
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.names import Array, NumberByName
-from identifiability.foundation.rounding import REACH
+from identifiability.foundation.rounding import REACH, chance_text
 from identifiability.foundation.values import frozen
 
 from .fit import OF_VALUES, Fit
@@ -381,7 +381,10 @@ def _say_missing(fit: Fit, k: int, without: Verdict, percent: float, part: str) 
     told |= {"known": without.sigma_label_percent / 100, "word": without.word}
     if part == "missing" and missing.rare[k]:
         part = "rare"
-        told |= {"chance": missing.chance[k], "other": fit.value[k] - missing.change[k]}
+        told |= {
+            "chance": chance_text(missing.chance[k]),
+            "other": fit.value[k] - missing.change[k],
+        }
     lacks = "lacks" if missing.chance[k] == 1.0 else "may lack"
     return phrase("verdict", part, lacks=lacks, **told)
 

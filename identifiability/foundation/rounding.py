@@ -148,14 +148,16 @@ def probability_text(log_odds: float | None) -> str:
     Examples
     --------
     >>> probability_text(6.0), probability_text(-20.0), probability_text(math.nan)
-    ('over 99 %', 'below 0.01 %', '—')
+    ('over 99 %', 'below 1 %', '—')
     """
-    if log_odds is None or math.isnan(log_odds):
-        return NONE
-    probability = float(expit(log_odds))
+    return NONE if log_odds is None else chance_text(float(expit(log_odds)))
+
+
+def chance_text(probability: float) -> str:
+    """Return a probability in percent; near 0 and 1 the limit up to which it can be believed."""
     if probability > 0.99:
         return "over 99.99 %" if probability > 0.9999 else "over 99 %"
-    return "below 0.01 %" if probability < 1e-4 else percent(probability, 2)
+    return "below 1 %" if probability < 0.01 else percent(probability, 2)
 
 
 #: Shares in percent to two digits, and errors to three, zeros kept.

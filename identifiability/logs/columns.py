@@ -8,11 +8,10 @@ can be copied.
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -48,7 +47,7 @@ from .names import (
     words_for,
     words_of,
 )
-from .questions import ask_which
+from .questions import ask_which, propose_rules
 from .rules import RULES
 
 if TYPE_CHECKING:
@@ -192,6 +191,7 @@ def name_columns(
         *torque_notes,
         *([phrase("reading", "moved", motors=wanted)] if moved else ()),
         *([phrase("reading", "currents", columns=idle)] if idle else ()),
+        *_tell_spare_currents(guesses, columns),
         *unread,
     )
     locked = tuple(_in_si(c, stated[c.name], source, known) for c in held)
@@ -236,6 +236,15 @@ def _idle_currents(guesses: Sequence[Column], known: Conventions) -> list[str]:
     if known.servo is None or any(gains) or all(g.kind != "q_ref" for g in guesses):
         return []
     return [g.source for g in currents]
+
+
+def _tell_spare_currents(guesses: Sequence[Column], taken: Sequence[Column]) -> Iterator[str]:
+    """Yield a note on columns of currents that torque columns replace."""
+    read = {c.joint: c.source for c in taken if c.kind == "tau"}
+    currents = [g for g in guesses if g.kind == "current"]
+    spare = [g.source for g in currents if read.get(g.joint, g.source) != g.source]
+    if spare:
+        yield phrase("reading", "spare", columns=spare)
 
 
 def _refuse_twice(found: Sequence[str], guesses: Sequence[Column], source: str) -> None:
@@ -844,11 +853,11 @@ def tell_missing(
     some = len(joints) < len(wanted)  # where all miss some, their names are others
     option = f"{_map_word('OLD', first)}, or name it under [columns] in the sidecar"
     maps = f" If one of {others} is it, add {option}." if free else RECORD
-    if free and _kind(first) == "tau":
-        maps = f"{maps} {phrase('columns.missing', 'currents')}"
-    options_in_order = _rename_in_order(missing, free)
+    options_in_order = _name_missing(missing, free)
     if options_in_order and not spelled:
         maps = f" {phrase('columns.missing', 'order', maps=options_in_order)}"
+    if free and _kind(first) == "tau":
+        maps = f"{maps} {phrase('columns.missing', 'currents')}"
     if _have_both_sides(free, joints):
         maps = f" {phrase('columns.missing', 'both')}"
     near = near_match(missing[0], [n for n in free if _may_name(n, _kind(missing[0]))])
@@ -879,20 +888,26 @@ def _may_be(name: str, missing: Sequence[str]) -> bool:
     return any(unit.dimension in DIMENSIONS[kind] for kind in kinds)
 
 
-def _rename_in_order(missing: Sequence[str], free: Sequence[str]) -> str:
-    """Return options that rename free columns to missing ones, in the order of both.
+def _name_missing(missing: Sequence[str], free: Sequence[str]) -> str:
+    """Return options that rename free columns to missing ones, by their joints or in order.
 
-    Nothing if there are not as many positions and torques of each.
+    Nothing if there are not as many positions and torques of each. If all missing ones are of one
+    kind, columns that begin as the first one does may be them.
     """
-    pairs = list[tuple[str, str]]()
+    rules = list[tuple[str, str]]()
+    measured = [n for n in free if COMMANDED.isdisjoint(words_of(n))]
     for kind in ("q", "tau"):
-        wanted = [n for n in missing if _kind(n) == kind]
-        likely = [n for n in free if kind in map(KINDS.get, words_of(n))]
-        likely = [n for n in likely if COMMANDED.isdisjoint(words_of(n))]
+        wanted = [_owner(n) for n in missing if _kind(n) == kind]
+        likely = [n for n in measured if kind in map(KINDS.get, words_of(n))]
+        if not likely and len(wanted) == len(missing):
+            likely = [n for n in measured if words_of(n)[:1] == words_of(measured[0])[:1]]
         if len(wanted) != len(likely):
             return ""
-        pairs += zip(likely, wanted, strict=True)
-    return " ".join(itertools.starmap(_map_word, pairs))
+        named = {take_joint(words_of(n), wanted)[0]: n for n in likely}
+        pairs = zip(wanted, likely, strict=True)
+        columns = {j: [Column(named.get(j, n), kind, j, number=0)] for j, n in pairs}
+        rules += propose_rules(kind, columns)
+    return " ".join(option_for_shell("--map", "=".join(rule), always=True) for rule in rules)
 
 
 def _have_both_sides(names: Iterable[str], joints: Sequence[str]) -> bool:
@@ -976,12 +991,9 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
     given = first[time.source]
     dates = as_dates(given, 0)
     if dates is not None and len(dates):
-        start = int(dates.iloc[0])
-        second = np.datetime64(start, "ns").astype("datetime64[s]")
-        day = f"{second}".replace("T", " ")
-        what = "are durations" if given.dtype.kind == "m" else f"are dates, from {day} on"
-        note = f"the times {what}, and were read in seconds from the first"
-        return naming.timed(note, dates=start, factor=1.0)
+        what = "durations" if given.dtype.kind == "m" else "dates"
+        note = f"the times are {what}, and were read in seconds from the first"
+        return naming.timed(note, dates=int(dates.iloc[0]), factor=1.0)
     t = to_floats(given)[:SHOWN] if given.dtype.kind not in "cb" else np.empty(0)
     if len(t) < 3 or not np.isfinite(t).all() or not np.median(np.diff(t)) > 0:
         return naming  # other checks report their errors

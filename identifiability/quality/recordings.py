@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
 import pandas as pd
 
 from identifiability.foundation.errors import LogError
@@ -209,10 +210,18 @@ def _list_conversions(logs: Sequence[Log]) -> list[Finding]:
     """Return how columns were converted, logs with the same conversions together."""
     names: dict[str, list[str]] = {}
     for log in logs:
-        names.setdefault("; ".join(log.notes), []).append(log.name)
+        names.setdefault("; ".join(log.notes), []).append(_name_and_date(log))
     unread = [Finding(n.key, x.name, **n.numbers) for x in logs for n in of_key(x.notes)]
     read = [Finding("reading", names=own, text=text) for text, own in names.items() if text]
     return [*read, *merge_subjects(unread)]
+
+
+def _name_and_date(log: Log) -> str:
+    """Return the name of a log, with the time of its first row if its clock tells it."""
+    if log.start is None:
+        return log.name
+    first = f"{np.datetime64(int(log.start), 's')}".replace("T", " ")
+    return f"{log.name} (from {first})"
 
 
 def _with_short_names(logs: list[Log]) -> list[Log]:

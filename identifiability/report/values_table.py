@@ -13,7 +13,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.rounding import join, measured, stated_text
+from identifiability.foundation.rounding import chance_text, join, measured, stated_text
 from identifiability.physical.cad_prior import mass_rows
 from identifiability.robot import Robot
 from identifiability.robot.floating import BASE_JOINTS
@@ -55,6 +55,8 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     cells = {kind: each for kind, each in sums.items() if any(cell.badge for cell in each)}
     caption = "caption" if "m" in cells or not masses else "massless"
     cells |= {kind: [rows_of.show(f"{place}.{kind}") for place in places] for kind in kinds}
+    absent = {sentence("values", "absent")}
+    cells = {kind: each for kind, each in cells.items() if {cell.note for cell in each} != absent}
     columns = kind_columns(robot, [*cells])
     gains = [Cell(", ".join(list_gains(servo, place))) for place in places]
     names = [Cell(x, note=sentence("values", "passive") if x in passive else "") for x in places]
@@ -148,7 +150,7 @@ class _ModelRows:
             return ""
         if missing.rare[k]:
             other = stated_text(verdict.value - missing.change[k], verdict.sigma_label)
-            chance = missing.chance[k]
+            chance = chance_text(missing.chance[k])
             return sentence("values", "rare", effect=effect, value=other, chance=chance)
         lacks = "lacks" if effect in self.lacked else "may lack"
         effect = shorten_places(effect)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.random import default_rng
 
@@ -194,12 +195,13 @@ def test_wear_that_stays_and_warm_up_that_returns_are_told_apart():
 def test_the_command_answers_first_and_writes_what_was_asked(succeeds, tmp_path):
     first = tmp_path / "monday.csv"
     second = tmp_path / "friday.csv"
-    # Times count from 1970.
     for path, log, day in (
         (first, logs(PLANAR, 1)[0], 1.7e9),
         (second, logs(PLANAR, 31, elbow=1.3)[0], 1.71e9),
     ):
-        log.to_frame().assign(t=lambda x, day=day: x.t + day).to_csv(path, index=False)
+        log.to_frame().assign(t=lambda x, day=day: pd.to_datetime(x.t + day, unit="s")).to_csv(
+            path, index=False
+        )
     page = tmp_path / "c.html"
     data = tmp_path / "c.json"
     out = succeeds("compare", PLANAR, first, second, "--report", page, "--json", data)
@@ -211,6 +213,7 @@ def test_the_command_answers_first_and_writes_what_was_asked(succeeds, tmp_path)
     text = page.read_text("utf-8")
     assert "Friction of elbow rose" in text
     assert "friday.csv (2024-03-09)" in text
+    assert text.count("were read in seconds") == 1
 
 
 @pytest.mark.parametrize(("name", "motion"), [(PLANAR, 0), ("five-bar", 1)])

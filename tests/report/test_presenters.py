@@ -2,12 +2,10 @@
 
 import ast
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 import identifiability
-from identifiability.report.answers.analyze import _state_unknown
 from identifiability.report.answers.common import WORDS
 
 PACKAGE = Path(identifiability.__file__).parent
@@ -21,11 +19,6 @@ def test_an_answer_that_asks_for_care_says_so_first(verb):
     said = WORDS[f"{verb}trust"]
     for part, tone in said["tones"].items():
         assert said[part].startswith("With care: ") == (tone == "amber")
-
-
-def test_an_answer_counts_verdicts_as_its_table_does():
-    one = SimpleNamespace(verdict="", look="negligible", flags=("negligible",))
-    assert "1 negligible" in _state_unknown(SimpleNamespace(unjudged="", verdicts=[one]))
 
 
 @pytest.mark.parametrize("path", sorted(PACKAGE.glob("workflows/**/*.py")))

@@ -29,6 +29,7 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     LEVEL,
     REACH,
+    chance_text,
     format_number,
     join,
     measured,
@@ -37,7 +38,6 @@ from identifiability.foundation.rounding import (
 )
 from identifiability.physical.cad_prior import find_rises
 from identifiability.robot import Robot
-from identifiability.robot.servo import list_gains
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import SENSOR_ERRORS
 from identifiability.workflows.provenance import given_paths
@@ -91,15 +91,6 @@ FRAME = (
 )
 
 
-def _state_gains(result: Laddered[Any]) -> str:
-    """Return the servo gains that the logs determine, each with its error; empty without any."""
-    if result.nothing:
-        return ""
-    pairs = ((joint, list_gains(result.fit.servo, joint)) for joint in result.robot.joints)
-    each = [f"{joint} {', '.join(own)}" for joint, own in pairs if own]
-    return sentence("laddered.measured", "gains", each=each) if each else ""
-
-
 class LadderedPresenter(PredictingPresenter):
     """Answers about the model to use, for analyze and prune."""
 
@@ -118,8 +109,7 @@ class LadderedPresenter(PredictingPresenter):
         known = use.text if _state_wrong_mass(result) else warned.text
         text = _state_cause(result) or known
         short = join_sentences(state_weight(result), warned.short)
-        more = join_sentences(use.more, _state_gains(result))
-        use = replace(warned, short=short, text=text, more=more)
+        use = replace(warned, short=short, text=text, more=use.more)
         more = ""
         if not result.nothing:
             more = join_sentences(_state_own_means(result), _state_left_out(result))
@@ -326,7 +316,7 @@ class AnalysisPresenter(LadderedPresenter):
         tone = "blue" if is_nearly_real(chosen) else "amber"
         near = "" if is_nearly_real(chosen) else state_nearest(chosen)
         most, known = _state_known(result.robot, chosen)
-        text = join_sentences(known, _state_unknown(chosen), near)
+        text = join_sentences(known, near)
         holes: dict[str, Any] = {"found": found_cell(chosen).text, "count": len(chosen.submodel)}
         holes |= {"most": most, "quantity": what}
         return answer(about, part, text, tone, **holes)
@@ -400,17 +390,6 @@ def count_kinds(names: Iterable[str]) -> Counter[str]:
     return Counter(kinds.get(name.rpartition(".")[2], kinds["other"]) for name in names)
 
 
-def _state_unknown(chosen: ModelResult) -> str:
-    """Return how many parameters have which other verdict."""
-    others = [v for v in chosen.verdicts if v.verdict is not Class.IDENTIFIABLE]
-    if chosen.unjudged or not others:
-        return ""
-    about = "analysis.others"
-    doubted = Counter(v.look for v in others)  # as the table counts them
-    each = [sentence(about, of, count=doubted[of]) for of in WORDS[about] if doubted[of]]
-    return sentence("analysis.use", "open", others=len(others), labels=each)
-
-
 def _name_kind(robot: Robot, v: Verdict) -> str:
     """Return the kind of a value in words; nothing for a combination."""
     kinds: dict[str, str] = WORDS["analysis.known"]
@@ -433,7 +412,7 @@ def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
     groups = dict[str, list[Verdict]]()
     for v in chosen.verdicts:
         groups.setdefault(_name_kind(robot, v), []).append(v)
-    told, every, most = [], [], ""
+    told, every, most = dict[str, str](), [], ""
     for what in dict.fromkeys((*kinds.values(), "")):
         group = groups.get(what, [])
         lost = [v.place for v in group if v.verdict is not Class.IDENTIFIABLE]
@@ -441,7 +420,7 @@ def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
         count = len(group) - len(lost)
         holes: dict[str, Any] = {"count": count, "total": len(group), "what": what}
         part = ("but" if names else "every") if {*joints} <= {v.place for v in group} else "values"
-        if len(names) > NAMED or (names and part == "values"):
+        if names and (part == "values" or len(names) > min(NAMED, len(joints) // 2)):
             part = "share"
         if not what:
             part = "several"
@@ -449,11 +428,12 @@ def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
             every.append(what)
         elif count:
             text = sentence(about, part, names=names, joints=which, **holes)
-            told.append(text)
+            share = sentence(about, "share", **holes)
+            told[text] = share if part == "but" else text
             most = most or text * (part == "but" and what != kinds["off"])
     if every:
         most = sentence(about, "every", what=join(every), joints=which)
-    others = [text for text in told if text != most]
+    others = [count for text, count in told.items() if text != most]
     if chosen.unjudged or not (most or others):
         return "", ""
     rest = sentence(about, "also", each=others) if others else ""
@@ -603,7 +583,9 @@ def _state_in_doubt(result: Laddered[Any]) -> str:
 def _state_effect(result: Laddered[Any], effect: str, names: Sequence[str]) -> str:
     """Return which effect that may be missing would change values, with its probability."""
     chances = [s.weigh(names) for s in result.missing.shares if describe_term(s.term) == effect]
-    odds = "".join(sentence("trust", "chance", chance=max(each)) for each in chances[:1])
+    odds = "".join(
+        sentence("trust", "chance", chance=chance_text(max(each))) for each in chances[:1]
+    )
     return sentence("trust", "may", names=name_values(names), effect=effect, odds=odds)
 
 
@@ -749,15 +731,13 @@ def found_cell(model: ModelResult) -> Cell:
 def possible_cell(m: ModelResult) -> Cell:
     """Return whether a model is physically consistent, and the error of the nearest values."""
     about = "laddered.tables"
-    near = sentence(about, "near", error=m.unseen_by(1))
+    error = m.unseen_by(1)
+    near = sentence(about, "near", error=error) if np.isfinite(error) else ""
     if m.feasible:
-        checked = m.physical is not None
-        return Cell(
-            "yes" if checked else "not tested", 2.0, badge="pass" if checked else "not checked"
-        )
+        return Cell("", 2.0) if m.physical is None else Cell("yes", 2.0, badge="pass")
     if m.infeasible:
-        text = sentence(about, "sign", names=m.infeasible, near=near)
-        return Cell("no", 0.0, text, "differs")
+        signs = sentence(about, "sign", names=m.infeasible)
+        return Cell("no", 0.0, "; ".join(filter(None, (signs, near))), "differs")
     open_ = m.physical is None or m.physical.certificate is None
     return Cell("open" if open_ else "not exactly", 1.0, near, "partly")
 

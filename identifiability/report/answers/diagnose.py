@@ -483,7 +483,7 @@ def _answer_gap(d: Diagnosis) -> Answer:
         model = d.known.words.rstrip(",")
         text = sentence(about, "measured", verified=d.verified_on, model=model)
         if d.effects:
-            text += sentence(about, "useless")
+            text += sentence(about, "useless", count=d.effects)
         return answer(about, "stays", text, error=d.held_before)
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     holes: dict[str, Any] = {"verified": d.verified_on, "ends": " … ".join(ends)}
@@ -495,7 +495,7 @@ def _answer_gap(d: Diagnosis) -> Answer:
         text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
     tone = "green" if d.interval[1] < 0 else "amber"
     errors: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
-    told = answer(about, "falls", text, tone, interval=interval, **errors)
+    told = answer(about, "falls", text, tone, count=d.effects, interval=interval, **errors)
     return replace(told, more=_state_motion(d))
 
 
@@ -581,6 +581,11 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
             added = unit_cell(p.peak, units.get(p.place, of_any))
             named = name if p.sure else sentence("diagnosis.missing", "unsure")
             shape = _state_shape(d, e.name, p)
+            names = [row[0] for row in p.rows]
+            if len(names) > 2:  # no coefficient of a curve means anything alone
+                curve = sentence("diagnosis.missing", "curve", count=names)
+                yield named, f"{names[0]} … {names[-1]}", curve, p.odds, p.unseen, added
+                continue
             for parameter, value, error, unit in p.rows:
                 far = np.isfinite(p.shape) and _is_far(value, error, p.peak)
                 limit = sentence("diagnosis.missing", "limit") if far else ""
@@ -605,7 +610,7 @@ def table_refitted(d: Diagnosis) -> Table | None:
     if not rows:
         return None
     title = title_of(effects[0].name)
-    for name, value, error, unit in most.rows:
+    for name, value, error, unit in most.rows if len(most.rows) < 3 else ():
         rows.append((Cell(title, note=name), NONE, measured(value, error, unit)))
     return make_table("refitted", rows, joint=most.place)
 

@@ -14,7 +14,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import format_number, percent_text
+from identifiability.foundation.rounding import chance_text, format_number, percent_text
 from identifiability.workflows.excite.criteria import LogDet
 from identifiability.workflows.excite.limits import BEYOND
 
@@ -185,20 +185,11 @@ class NextMotionPresenter(Presenter):
         parts = [name.partition(":")[0].partition("@") for name in result.names]
         first, *others = (f"{title_of(family)} in {place}" for family, _, place in parts)
         pair = sentence(about, "pair", first=first, others=others)
-        before = _state_chance(result.before)
-        if result.same or before == _state_chance(1.0):
+        if result.same or result.before > 0.99:
             return sentence(about, "same" if result.same else "better", pair=pair)
         period = result.excitation.trajectory.period
         k = result.periods
         more = sentence(about, "times", times=k, seconds=k * period) if k > 1 else ""
-        chances = {"chance": _state_chance(result.chance), "before": before}
+        chances = {"chance": chance_text(result.chance), "before": chance_text(result.before)}
         chances["limits"] = result.excitation.limits_statement
         return sentence(about, pair=pair, period=period, more=more, **chances)
-
-
-def _state_chance(share: float) -> str:
-    """Return a probability in percent."""
-    # From here on a percentage is not said.
-    if share > 0.99:
-        return "more than 99 %"
-    return f"{100 * share:.0f} %"

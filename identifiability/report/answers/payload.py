@@ -64,7 +64,7 @@ class LoadPresenter(AnsweringPresenter):
         if result.gains and result.without:
             unloaded = name_logs(result.robot, result.without)
             out.append(command("state_gains", f"analyze {self.robot} {unloaded}"))
-        if _is_fixed(result):
+        if not _needs_motion(result):
             return out
         begun = name_logs(result.robot, result.logs, "--start-from")
         return [*out, command("motion", f"excite {self.robot} {begun} --out next.json")]
@@ -134,6 +134,13 @@ def _bound_cell(high: float, unit: str) -> Cell:
 def _is_fixed(result: Load) -> bool:
     """Return whether the robot cannot turn the load, so that no motion tells more of it."""
     return any(q.why == phrase("untold", "turn") for q in result.quantities)
+
+
+def _needs_motion(result: Load) -> bool:
+    """Return whether another motion may tell more of a load that surely hangs there, or may."""
+    mass, *others = (q.why for q in result.quantities)
+    unknown = mass == phrase("untold", "motion") or (not mass and any(others))
+    return result.known is None and unknown and not _is_fixed(result)
 
 
 def _list_missing(result: Load) -> Strings:

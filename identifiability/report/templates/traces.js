@@ -2,10 +2,17 @@
 function drawTraces(figure) {
   const box = figure.querySelector(".trace-box"), reset = figure.querySelector(".reset");
   const buttons = [...figure.querySelectorAll("[data-trace]")];
+  // On a phone a list takes the place of many buttons.
+  const list = document.createElement("select");
+  list.setAttribute("aria-label", "Which joint is shown");
+  list.append(...buttons.map((button) => new Option(button.textContent)));
+  list.onchange = () => buttons[list.selectedIndex].click();
+  if (buttons.length > 6) buttons[0].before(list);
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   let plot = null;
   const show = (button) => {
     for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
+    list.selectedIndex = buttons.indexOf(button);
     const data = JSON.parse(button.dataset.trace);
     for (const note of figure.querySelectorAll(".gaps")) note.hidden = !data.rows[1].includes(null);
     if (plot) plot.destroy();
@@ -21,12 +28,15 @@ function drawTraces(figure) {
     const ends = (u, x, s, at) => (at == null ? "" : edges.map((k) => digits(u, u.data[k][at])).join(" \u2026 "));
     const low = data.names[edges[0] - 1], both = edges.length === 2;
     const shared = both && (low.startsWith("95 %") ? "95 % interval" : "allowed");
+    // The numbers of a narrow plot have its width; what they are stands above.
+    const narrow = box.clientWidth < 480;
     plot = new uPlot({
+      title: narrow ? `${data.axis} over ${data.x}` : "",
       width: box.clientWidth - 20, height: Math.max(200, Math.min(420, box.clientWidth * 0.36)),
       scales: { x: { time: false } },
       cursor: { drag: { x: true, y: false } },
       legend: { live: true },
-      axes: [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
+      axes: narrow ? [{ ...axis, size: 32 }, { ...axis, size: 54 }] : [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
         label: limit(name) && both ? shared : name, class: both && limit(name) ? (k + 1 === edges[1] ? "upper" : "band") : undefined, stroke: limit(name) ? colour("--blue") : paint(name, k), width: name.startsWith("95 %") ? 0.4 : k ? 1.4 : 2.6,
         value: limit(name) && both ? ends : digits, dash: name.endsWith(" allowed") || name === "command" ? [6, 4] : [],
@@ -50,6 +60,9 @@ function drawTraces(figure) {
         }],
       },
     }, data.rows, box);
+    // Of a long log the first part is shown, in which single swings can be seen.
+    const [times] = data.rows, few = box.clientWidth / 2;
+    if (times.length > 4 * few) plot.setScale("x", { min: times[0], max: times[Math.round(few)] });
     reset.onclick = () => plot.setScale("x", { min: data.rows[0][0], max: data.rows[0].at(-1) });
   };
   for (const button of buttons) button.addEventListener("click", () => {

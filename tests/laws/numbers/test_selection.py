@@ -220,7 +220,7 @@ def test_a_prior_holds_a_value_that_rows_hardly_determine_against_missing_effect
 def test_a_doubt_by_a_rare_effect_states_its_probability_and_the_other_value(ladder):
     rare, frequent = (0.004, -20.0), (0.1, -30.0)
     for shares, says in (
-        ([rare], "friction in j (probability 0.4 %), this would be 21"),
+        ([rare], "friction in j (probability below 1 %), this would be 21"),
         ([rare, frequent], "may lack"),
     ):
         _, (found,), _ = judge_beside(ladder, *shares)

@@ -49,11 +49,12 @@ def test_torque_is_the_value_times_gain_ratio_and_sign(load):
     assert_allclose(tau, given * [0.5 * 100, -50])
     assert notes == ("torques were multiplied by their gain, ratio and sign (a: 50, b: -50)",)
     assert_allclose(torques(table(), load("[torque]\ngain = 0.001\n"))[0], 1e-3 * given)
-    same, (unread,) = torques(table().assign(**{"a2.torque [%]": 1.0}), load())
+    more = table().assign(**{"a2.torque [%]": 1.0, "a.current": 1.0})
+    same, (spare, unread) = torques(more, load())
     assert unread.numbers == {"columns": ["'a2.torque [%]'"]}
-    same, quiet = torques(table(), load())
+    assert spare == "a.current is not used, as the log has torque of its joint"
     assert_array_equal(same, given)
-    assert quiet == ()
+    assert torques(table(), load())[1] == ()
 
 
 def test_currents_stand_for_torques_where_their_gain_is_known(load):

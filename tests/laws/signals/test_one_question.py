@@ -57,6 +57,7 @@ def answered(frame, joints):
 LAYOUTS = {
     "by name": (["{j}.q", "{j}.tau_measured", "{j}.tau_feedback"], ARM, ARM, 1),
     "name last": (["q_{j}", "torque/{j}", "effort/{j}"], ARM, ARM, 1),
+    "no word": (["{j}.q", "u_{j}"], ARM, ARM, 1),
     "states": (["{j}.state.q", "{j}.state.theta", "{j}.tau"], ARM, ARM, 1),
     "both": (["{j} q", "{j} theta", "{j} torque [Nm]", "{j} effort [Nm]"], ARM, ARM, 2),
     "numbers": (["q{j}", "theta{j}", "tau_measured_{j}", "tau_feedback_{j}"], ARM, "123", 2),

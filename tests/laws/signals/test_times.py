@@ -100,7 +100,6 @@ def test_dates_and_durations_are_times(form):
     log = read(frame.assign(t=given))
     assert_allclose(log.t, frame["t"], rtol=0, atol=1e-9)
     assert "were read in seconds from the first" in log.notes[0]
-    assert ("2026-11-20" in log.notes[0]) == (not elapsed)
     hours = 1 if form == "zone" else 0  # of Berlin in November before that of Greenwich
     began = pd.Timestamp("2026-11-20 18:00:00.5").timestamp() - 3600 * hours
     assert log.start == (None if elapsed else pytest.approx(began, abs=1e-6))
