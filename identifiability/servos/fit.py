@@ -260,7 +260,7 @@ def compare_bodies(found: Rollouts) -> tuple[float, float]:
     # The part of each ratio that rollouts determine; prior knowledge determines the rest.
     by_rollouts = np.maximum(1 - (sd / shares) ** 2, 0.0)
     precision = by_rollouts / shares**2
-    if not precision.any():
+    if by_rollouts.sum() < 0.5:  # of one body: nearly all is prior knowledge
         return 0.0, np.inf
     weights = precision / precision.sum()
     ratios = 2.0 * found.numbers["sizes"] / or_one(by_rollouts)

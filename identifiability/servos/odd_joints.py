@@ -14,6 +14,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import or_one, triangular_factor
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import toml_key
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -102,8 +103,20 @@ def find_odd_joints(
                 end = best[0].end
     is_same = end is found.search[1] and not problem.freed
     better = found if is_same else conclude(problem, end)
+    used = [best[0].numbers for best in explained]
+    if not problem.freed and not any(_is_sure(better, numbers) for numbers in used):
+        for numbers in used:
+            problem.varied[numbers] = False
+        better, explained = found, []
     findings = [_state_odd(robot, better, best) for best in explained]
     return findings, better, any(len(best) > 1 for best in explained)
+
+
+def _is_sure(found: Rollouts, numbers: np.ndarray) -> bool:
+    """Return whether numbers are no gain, or a gain that surely differs from the stated one."""
+    problem, end = found.search
+    apart = np.abs(end.x[numbers]) > REACH * found.unsure[numbers]
+    return _kind(problem, numbers) != "kp" or bool(apart.all())
 
 
 def _list_freed(problem: RolloutProblem, end: SearchEnd) -> list[list[Explanation]]:
@@ -300,7 +313,8 @@ def _fit_from(
     x[numbers] = start
     fitted = _fit_numbers(problem, x, numbers)
     before, after = (_sum_squares(problem, end, x)[joints].sum() for x in (end, fitted))
-    return Explanation(after / before, numbers, fitted)
+    explains = before - after > REACH**2  # more than chance does
+    return Explanation(after / before if explains else 1.0, numbers, fitted)
 
 
 def _explain_little(
