@@ -158,7 +158,7 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
     assert table.caption in found.write_report(tmp_path / "page.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("joint", "size"), [("shoulder", 0.08), ("elbow", 0.08), ("elbow", 0.5)])
+@pytest.mark.parametrize("joint, size", [("shoulder", 0.08), ("elbow", 0.08), ("elbow", 0.5)])
 def test_a_torque_scale_is_of_the_fitted_robot_not_of_a_file(simulated, tmp_path, joint, size):
     robot, share = Robot.load("two-link"), {"link1": 0.75, "link2": 1.25}  # no friction, no rotors
     values = {n: share.get(n.partition(".")[0], 0.0) * x for n, x in robot.nominal.items()}

@@ -75,7 +75,7 @@ def test_a_prior_that_the_user_states_moves_the_posterior(arm, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("prior", "sentence"),
+    "prior, sentence",
     [('"elbow.Fv" = {mean = -3.0, sd = 0.1}', "-3 ± 0.1 for 'elbow.Fv', which cannot be neg")],
 )
 def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior, sentence):

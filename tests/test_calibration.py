@@ -91,7 +91,7 @@ def test_the_command_writes_a_report(simulated_session, succeeds, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("model", "replicates"),
+    "model, replicates",
     [
         (3, 1000),
         # A thousand experiments once gave one of the 37 by chance what six thousand do not show.

@@ -58,7 +58,7 @@ def cell(coverage, *, se=0.005, wrong=(0.0, 0.0, 0.01), single=(0.95, 0.9, 0.99)
 
 
 @pytest.mark.parametrize(
-    ("found", "word"),
+    "found, word",
     [
         (cell(0.94), "yes"),
         (cell(0.91), "yes"),

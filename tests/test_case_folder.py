@@ -120,7 +120,7 @@ def test_a_case_is_read_from_elsewhere_and_from_python(folder, command, tmp_path
     assert (bound.bodies, bound.mass) == (("link2",), (2.4, 2.6))
 
 
-@pytest.mark.parametrize(("line", "says"), HOSTILE)
+@pytest.mark.parametrize("line, says", HOSTILE)
 def test_a_wrong_case_file_is_refused_in_one_sentence(line, says, folder, command):
     key = line.partition(" ")[0]
     text = 'robot = "robot.xml"\nlogs = ["run1.csv"]\n'

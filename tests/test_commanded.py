@@ -102,7 +102,7 @@ def test_servos_of_an_mjcf_are_its_position_actuators_behind_their_gears(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    "text, said",
     [
         ("[servo]\nkp = 0\n", "neither kp nor kv"),
         ("[servo]\nkd = 1\n", "mean 'kv'"),
@@ -205,7 +205,7 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize(("key", "spoilt", "factor", "most"), FAULTS)
+@pytest.mark.parametrize("key, spoilt, factor, most", FAULTS)
 def test_irregular_commands_and_gains_all_too_high_are_said(arm, key, spoilt, factor, most):
     rng, how = default_rng(6), servos.Recorder(100.0, **{"command_rate": 25.0} | spoilt)
     frame = draw(arm, 8.0, 0.35, how, rng)
@@ -234,7 +234,7 @@ def test_limits_tell_the_factor_of_gains_that_are_all_too_high(arm):
 ODD = (("play", 0.03), ("gain", 4.0), ("limit", 30.0), ("integral", 2.0), ("", 0.0))
 
 
-@pytest.mark.parametrize(("kind", "size"), ODD)
+@pytest.mark.parametrize("kind, size", ODD)
 def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(arm, kind, size):
     rng, how = default_rng(6), servos.Recorder()
     fault = servos.Fault(1, kind, size)
@@ -309,7 +309,7 @@ def test_gains_without_load_hold_beside_a_known_kv_and_a_limit_that_is_hardly_re
 
 
 @pytest.mark.parametrize(
-    ("joint", "size", "asked"), [(3, -0.25, {}), (3, -0.4, {"kp": np.full(6, 18.0)}), (1, -0.3, {})]
+    "joint, size, asked", [(3, -0.25, {}), (3, -0.4, {"kp": np.full(6, 18.0)}), (1, -0.3, {})]
 )
 def test_wrong_gains_of_little_effect_or_hidden_by_friction_are_found(tmp_path, joint, size, asked):
     robot, _, found = record_hobby_arm(tmp_path, servos.Fault(joint, "gain", size), **asked)
@@ -736,7 +736,7 @@ def test_a_first_answer_stays_if_the_user_stops_the_whole_one(
     assert "writes the whole answer to this page" in page
 
 
-@pytest.mark.parametrize(("kind", "effect"), [("Fc", "static friction"), ("off", "an offset of")])
+@pytest.mark.parametrize("kind, effect", [("Fc", "static friction"), ("off", "an offset of")])
 def test_rests_tell_friction_from_an_offset(arm, frames, kind, effect):
     truth = {**TRUTH, "elbow.Fc": 0.3, "elbow.off": 0.3, f"elbow.{kind}": 6.0}
     steps = np.repeat([0.0, 0.2, 0.0, -0.2] * 2, 50)
@@ -788,7 +788,7 @@ def test_two_exchanged_commands_are_named():
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    "spoil, said",
     [
         (default_rng(1).permutation, r"Say which columns are commands.*shoulder\.cmd"),
         (np.degrees, "in degrees"),

@@ -89,7 +89,7 @@ def record(true, seed, seconds):
 
 
 @pytest.mark.parametrize(
-    ("kind", "gains"),
+    "kind, gains",
     [
         ("joint", ""),
         pytest.param("joint", FIT, marks=pytest.mark.everything),

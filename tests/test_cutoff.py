@@ -45,7 +45,7 @@ def test_logs_have_one_cut_off_that_the_fitted_ones_decide(positions):
     assert about_cutoff(both) == about_cutoff(held) == []
 
 
-@pytest.mark.parametrize(("encoder", "cutoff"), [(2e-5, 1.2), (5e-3, 16.0)])
+@pytest.mark.parametrize("encoder, cutoff", [(2e-5, 1.2), (5e-3, 16.0)])
 def test_a_cut_off_that_was_set_is_compared_with_the_best_one(positions, encoder, cutoff):
     """A low one takes part of the motion; a high one lets noise of a coarse encoder through."""
     log = positions(encoder)

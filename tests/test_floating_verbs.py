@@ -79,7 +79,7 @@ def test_predictions_hold_and_what_changed_or_is_missing_is_named_on_a_moving_ba
 
 
 @pytest.mark.parametrize(
-    ("joints", "factor", "words"),
+    "joints, factor, words",
     [
         (["shoulder", "shoulder"], -1.0, "shoulder seems to have the wrong sign"),
         (["elbow", "elbow"], 1e3, "elbow is"),

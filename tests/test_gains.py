@@ -91,7 +91,7 @@ def test_what_cannot_be_is_refused(made):
 
 
 @pytest.mark.parametrize(
-    ("model", "load", "wrong"),
+    "model, load, wrong",
     [("delta", {}, "excite"), ("differential-wrist", {"centre": (0, 0, 0.1)}, "move these joints")],
 )
 def test_a_delta_needs_no_centre_and_coupled_motors_no_other_motion(model, load, wrong):

@@ -288,7 +288,7 @@ def check_script(path, fitted, held_out, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("lost", "option", "word"),
+    "lost, option, word",
     [
         ({"t": "time;touch hit"}, "--map", "time;touch hit=t"),
         ({";id;#.q": "*[`id`]", ";id;#.tau": "b"}, "--map", "OLD=;id;#.q"),
@@ -317,7 +317,7 @@ def test_a_name_that_is_a_pattern_is_refused_with_one_sentence(name, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "sentence"),
+    "name, sentence",
     [("a\x00", "control characters"), ("$(id)", "xacro would compute"), (MARKUP, ""), ("a-->", "")],
 )
 def test_a_table_of_names_becomes_a_file_with_these_names(name, sentence, tmp_path):

@@ -101,7 +101,7 @@ def test_what_goes_wrong_with_one_robot_is_the_sentence_of_its_row(start, tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("robots", "options", "sentence"),
+    "robots, options, sentence",
     [
         (["a/x", "b/x"], {}, "Two robots are called 'x'"),
         (["a"], {"verb": "prune", "replicats": 2}, "'replicats' is no option of prune, did you"),

@@ -46,7 +46,7 @@ def test_a_robot_of_ones_own_gets_a_sidecar_and_a_template(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("ending", "line"),
+    "ending, line",
     [("_current", "# gain = {joint_1 = …, joint_2 = …"), (".cmd", '[servo]\nkp = "fit"')],
 )
 def test_a_sidecar_asks_for_gains_where_logs_hold_no_torque(ending, line, tmp_path):

@@ -176,7 +176,7 @@ def test_next_lines_of_a_new_study_end_in_an_exported_robot(robot, tmp_path, mon
 
 
 @pytest.mark.parametrize(
-    ("robot", "hide"),
+    "robot, hide",
     [
         ("two-link", "stribeck_friction=0.2"),
         *(

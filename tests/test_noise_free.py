@@ -124,7 +124,7 @@ def analyzed(name, torque=simulated_torque, **how):
     return found
 
 
-@pytest.mark.parametrize(("name", "how", "digits"), PREPARED)
+@pytest.mark.parametrize("name, how, digits", PREPARED)
 def test_rounding_is_no_effect(name, how, digits):
     found = analyzed(name, **how)
     # The 3-RPS has bodies at the edge of what can exist.

@@ -113,7 +113,7 @@ def test_the_notebook_of_the_documentation_runs_and_shows_what_it_says():
 
 
 @pytest.mark.parametrize(
-    ("line", "calls"),
+    "line, calls",
     [
         (
             "diagnose a.urdf a.csv b.csv --validate c.csv --out model.toml",

@@ -69,7 +69,7 @@ def check_numbers(content):
 
 
 @pytest.mark.parametrize(
-    ("verb", "options"),
+    "verb, options",
     [(analyze, {"replicates": 20, "posterior": True}), (prune, {"replicates": 10})],
 )
 def test_a_result_about_nothing_says_the_same_everywhere(verb, options, arm, tmp_path):
@@ -94,7 +94,7 @@ def test_a_result_about_nothing_says_the_same_everywhere(verb, options, arm, tmp
 
 @pytest.mark.parametrize("case", SILENT)
 @pytest.mark.parametrize(
-    ("done", "verb"), [("analyzed", analyze), ("pruned", prune), ("diagnosed", diagnose)]
+    "done, verb", [("analyzed", analyze), ("pruned", prune), ("diagnosed", diagnose)]
 )
 def test_what_needs_a_signal_refuses_with_the_same_reason(case, done, verb, arm):
     sentence = f"^Nothing can be {done}, because {SILENT[case]} "

@@ -168,7 +168,7 @@ def ask(odd, folder):
 
 
 @pytest.mark.parametrize(
-    ("robots", "joints", "most"),
+    "robots, joints, most",
     [(6, 2.0, 3_000), pytest.param(40, 8.0, 30_000, marks=pytest.mark.everything)],
 )
 def test_odd_robots_have_an_answer_and_intervals_that_hold(robots, joints, most, tmp_path):
@@ -190,7 +190,7 @@ def test_odd_robots_have_an_answer_and_intervals_that_hold(robots, joints, most,
 
 
 @pytest.mark.parametrize(
-    ("scale", "mass", "kinds", "rate", "samples"),
+    "scale, mass, kinds, rate, samples",
     [(1e-3, 1e-3, "HS", 2e4, 30), (10.0, 1e3, "H" * 5, 10.0, 30), (10.0, 1e-3, "SS", 2e4, 60)],
 )
 def test_the_corners_are_answered_or_one_sentence(scale, mass, kinds, rate, samples, tmp_path):

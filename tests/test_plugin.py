@@ -114,7 +114,7 @@ def test_a_motion_separates_it_from_another(folder, run):
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    "text, sentence",
     [
         ("x = 1\n", "registers no effect"),
         ("a = 1\nb = a / 0\n", "fails in line 2 (ZeroDivisionError"),

@@ -47,7 +47,7 @@ def test_no_verb_has_more_than_seventeen_options(commands):
 
 
 @pytest.mark.parametrize(
-    ("words", "sentence"),
+    "words, sentence",
     [
         (["cutof=3"], "--set cutof=3 is no KEY=VALUE of base, .*, did you mean 'cutoff'?"),
         (["cutoff"], "--set cutoff is no KEY=VALUE"),
@@ -76,7 +76,7 @@ def test_the_sidecar_sets_what_no_option_does(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("holder", "function"),
+    "holder, function",
     [
         *((getattr(verbs, verb).function, getattr(identifiability, verb)) for verb in OPTIONS),
         (options.Fitted, identifiability.analyze),
@@ -122,7 +122,7 @@ def arguments_of(verb, monkeypatch, *words):
 
 
 @pytest.mark.parametrize(
-    ("verb", "words", "name", "usual", "quick", "given"),
+    "verb, words, name, usual, quick, given",
     [
         ("analyze", ["--posterior"], "posterior", False, False, True),
         ("calibrate", ["--replicates", "50"], "replicates", None, None, 50),

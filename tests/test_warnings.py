@@ -92,7 +92,7 @@ def study(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("fault", "verb"), [*PLANTED, *(pytest.param(*x, marks=pytest.mark.everything) for x in LONGER)]
+    "fault, verb", [*PLANTED, *(pytest.param(*x, marks=pytest.mark.everything) for x in LONGER)]
 )
 def test_a_fault_is_printed_and_lowers_the_answers(fault, verb, study):
     plant, says = FAULTS[fault]

@@ -189,7 +189,7 @@ def test_a_small_file_that_stands_for_very_much_is_refused_at_a_bounded_cost(nam
     assert re.search(sentence, said)
 
 
-@pytest.mark.parametrize(("version", "given"), [("v2.1", ""), ("v3.0", ":0-999999998")])
+@pytest.mark.parametrize("version, given", [("v2.1", ""), ("v3.0", ":0-999999998")])
 def test_a_dataset_that_counts_episodes_it_does_not_hold_is_refused(version, given, tmp_path):
     shutil.copytree(DATASETS / version, tmp_path / "set")
     path = tmp_path / "set/meta" / "info.json"

@@ -51,7 +51,7 @@ def test_arrays_are_a_log_in_the_robots_order(arrays, bare):
 
 
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    "change, sentence",
     [
         ({"tau": np.zeros((200, 3))}, r"q is 200×2, tau is 200×3; .* \(N, n\)"),
         ({"t": np.zeros((2, 3))}, r"t is 2×3, q is .*give t as \(N,\)"),

@@ -153,7 +153,7 @@ def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both):
 
 
 @pytest.mark.parametrize(
-    ("header", "says"),
+    "header, says",
     [
         ("shoulder.q [gon]", "columns={'shoulder.q [gon]': 'shoulder.q [rad]'}"),
         ("shoulder.tau [%]", "torque of shoulder in percent"),

@@ -9,7 +9,7 @@ from ..conftest import cell
 
 
 @pytest.mark.parametrize(
-    ("content", "sentence"),
+    "content, sentence",
     [
         ("", "is empty; nothing was written to it"),
         ('t,a.q\n1,"2\n', "cannot be read as CSV: .*EOF inside string"),
@@ -22,7 +22,7 @@ def test_what_is_no_table_is_refused(content, sentence, write):
 
 
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    "change, sentence",
     [
         ({"elbow.tau": "elbow.tua"}, "no column elbow.tau, did you mean 'elbow.tua'?"),
         ({"elbow": "elbwo"}, "did you mean 'elbwo.q'? Every actuated joint"),
@@ -59,7 +59,7 @@ def test_a_data_frame_hashes_its_values_and_nothing_else(arm):
 
 
 @pytest.mark.parametrize(
-    ("how", "sentence"),
+    "how, sentence",
     [
         ({"derivatives": "butterwort"}, "not 'butterwort', did you mean 'butterworth'"),
         ({"cutoff": 1e-9}, r"cut-off 1e-09 Hz does not lie between one over the length"),

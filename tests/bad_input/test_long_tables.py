@@ -67,7 +67,7 @@ def test_a_long_table_gives_the_result_of_a_wide_one(bare):
 
 
 @pytest.mark.parametrize(
-    ("labels", "names", "rules"),
+    "labels, names, rules",
     [
         ((0, 1), {"label": "joint_id"}, {}),
         (("1", "2"), {"label": "axis", "time": "timestamp"}, {}),

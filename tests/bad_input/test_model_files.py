@@ -78,7 +78,7 @@ def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    "text, sentence",
     [
         ("coulomb_friction@elbow:0.1", "coulomb_friction has no shape"),
         ("stribeck_friction@elbw:0.1", "has no parameter at 'elbw' of two-link"),

@@ -52,7 +52,7 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("function", "good", "bad"), BAD)
+@pytest.mark.parametrize("function, good, bad", BAD)
 def test_an_option_that_is_none_is_named_in_one_sentence(function, good, bad):
     ((name, _),) = bad.items()
     with pytest.raises(IdentifiabilityError) as caught:

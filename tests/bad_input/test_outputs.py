@@ -99,7 +99,7 @@ def test_inputs_are_not_written_over(refuses, refused, write, arm):
 
 
 @pytest.mark.parametrize(
-    ("reason", "code"), [(KeyboardInterrupt(), 130), (SystemExit(143), 143), (None, None)]
+    "reason, code", [(KeyboardInterrupt(), 130), (SystemExit(143), 143), (None, None)]
 )
 def test_what_interrupts_a_library_while_it_is_loaded_is_no_error_of_it(
     reason, code, monkeypatch, capsys

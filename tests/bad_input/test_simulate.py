@@ -24,7 +24,7 @@ def simulates(refused, write):
 
 
 @pytest.mark.parametrize(
-    ("robot", "motion", "sentence"),
+    "robot, motion, sentence",
     [
         ("3-rps", "600", "'600' for 3-rps, did you mean '601'? It has 571, 595, 601; 'random'"),
         ("two-link", "no.json", "There is no trajectory file 'no.json'"),
@@ -35,7 +35,7 @@ def test_unknown_motion_is_refused(robot, motion, sentence, simulates):
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "sentence"),
+    "option, value, sentence",
     [
         ("--hide", "stribek_friction", "cannot be hidden, did you mean 'stribeck_friction'?"),
         ("--hide", "stribeck_friction=-1", "give its share of the joint's torque"),
@@ -57,7 +57,7 @@ SWING = np.sin(0.03 * np.arange(200))[:, None] * np.array([1.0, -1.0, 0.5])
 
 
 @pytest.mark.parametrize(
-    ("q", "sentence"),
+    "q, sentence",
     [
         (0.7 + 1.5 * SWING, "MuJoCo cannot close the loops of 3-rps at sample "),
         (1000 * (0.7 + 0.02 * SWING), "it looks like mm: convert it to m."),
@@ -77,7 +77,7 @@ def edited(**changes):
 
 
 @pytest.mark.parametrize(
-    ("content", "sentence"),
+    "content, sentence",
     [
         ("{", "is not valid JSON: Expecting property name"),
         (edited(period=1e308), "'period': input should be less than or equal to"),

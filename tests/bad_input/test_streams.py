@@ -20,7 +20,7 @@ def test_a_job_without_streams_writes_its_result(tmp_path):
     assert (tmp_path / "log.csv").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(("command", "code"), [(HELP, 0), (MISSING, 2)])
+@pytest.mark.parametrize("command, code", [(HELP, 0), (MISSING, 2)])
 def test_a_closed_stream_changes_no_exit_code(command, code, tmp_path):
     assert run(f"{command} 2>&-", tmp_path).returncode == code
 

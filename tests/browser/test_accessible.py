@@ -21,7 +21,7 @@ def axe():
     return (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("kind", "width"), DEFAULT)
+@pytest.mark.parametrize("kind, width", DEFAULT)
 def test_everybody_can_read_a_report_with_all_that_can_be_opened(kind, width, reports, visit, axe):
     with visit(reports[kind], width) as seen:
         seen.page.evaluate(axe)

@@ -108,7 +108,7 @@ def test_text_can_be_read_on_a_phone_without_much_scrolling(kind, reports, visit
 
 
 @pytest.mark.parametrize(
-    ("name", "width"),
+    "name, width",
     [
         ("table_1_base_parameters", 400),
         ("figure_5_split_forces", 1280),

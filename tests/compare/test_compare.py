@@ -47,7 +47,7 @@ def test_a_robot_that_did_not_change_is_seldom_said_to_have(motion):
 
 
 @pytest.mark.parametrize(
-    ("name", "joint"),
+    "name, joint",
     [(PLANAR, "elbow"), ("six-dof-arm", "joint_3"), ("five-bar", "left_shoulder")],
 )
 @pytest.mark.parametrize("motion", [0, 1])
@@ -82,7 +82,7 @@ def test_torque_that_all_logs_have_is_no_part_of_a_change():
 
 
 @pytest.mark.parametrize(
-    ("name", "mass", "gains", "named"),
+    "name, mass, gains, named",
     [
         ("palletizer", 20.0, default_rng(4).normal(1.0, 0.02, 4), {("load", "tool")}),
         ("six-dof-arm", 3.0, [1, 1.03, 1, 1, 1, 1], {("load", "link_6"), ("gain", "joint_2")}),
@@ -151,7 +151,7 @@ def test_of_three_logs_it_is_said_which_is_odd():
         assert abs(change.share - 0.5) < 3 * change.share_sd
 
 
-@pytest.mark.parametrize(("times", "least", "most"), [(1.1, 5, 6), (0.5, 0, 2)])
+@pytest.mark.parametrize("times, least, most", [(1.1, 5, 6), (0.5, 0, 2)])
 def test_a_change_is_seen_from_the_stated_limit_on(times, least, most):
     """At 1.1 times the limit 98 % are named, so P(< 5 of 6) = .006; at half of it 12 %."""
     before = [logs(PLANAR, s)[0] for s in range(6)]
@@ -216,7 +216,7 @@ def test_the_command_answers_first_and_writes_what_was_asked(succeeds, tmp_path)
     assert text.count("were read in seconds") == 1
 
 
-@pytest.mark.parametrize(("name", "motion"), [(PLANAR, 0), ("five-bar", 1)])
+@pytest.mark.parametrize("name, motion", [(PLANAR, 0), ("five-bar", 1)])
 def test_what_the_same_motion_cancels_and_passive_joints_are_no_change(name, motion):
     own = campaign(name)
     passive = {f"{joint}.Fc": 0.3 for joint in own.robot.passive}

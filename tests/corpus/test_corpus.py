@@ -50,7 +50,7 @@ def too_new(path):
         return mujoco.mj_version() < NEWEST
 
 
-@pytest.mark.parametrize(("place", "text"), list(enumerate([*MJCF, *URDF])))
+@pytest.mark.parametrize("place, text", list(enumerate([*MJCF, *URDF])))
 def test_both_roads_agree(place, text, written, request):
     path = written(text)
     everything = request.config.getoption("--everything")
@@ -68,7 +68,7 @@ def test_both_roads_agree(place, text, written, request):
         assert_allclose(simulated_torque(robot, states), states.tau, rtol=0, atol=size)
 
 
-@pytest.mark.parametrize(("text", "word"), REFUSALS, ids=range(len(REFUSALS)))
+@pytest.mark.parametrize("text, word", REFUSALS, ids=range(len(REFUSALS)))
 def test_what_no_parameter_can_hold_is_refused_by_name(text, word, written):
     path = written(text)
     if not too_new(path):

@@ -41,7 +41,7 @@ def test_the_model_file_of_a_diagnosis_is_analysed_and_exported(diagnosis_of, lo
 
 
 @pytest.mark.parametrize(
-    ("name", "of"),
+    "name, of",
     [
         ("3-rps", "Model 3"),
         pytest.param("six-dof-arm", "full model", marks=pytest.mark.everything),

@@ -17,7 +17,7 @@ from .conftest import campaign
 
 
 @pytest.mark.parametrize(
-    ("robot", "hidden", "joints"),
+    "robot, hidden, joints",
     [
         ("five-bar", "position_ripple@right_shoulder=0.02", ("right_shoulder",)),
         ("two-link", "load_dependent_friction@elbow=0.03", ("elbow",)),
@@ -35,7 +35,7 @@ def test_a_hidden_effect_is_named_in_its_joints_and_the_gap_shrinks(
 
 
 @pytest.mark.parametrize(
-    ("offset", "spring"),
+    "offset, spring",
     [("torque_offset@shoulder", "gravity_spring"), ("torque_offset", "free_spring")],
 )
 def test_effects_of_two_joints_are_no_function_of_all_joints_and_the_surer_is_first(
@@ -135,7 +135,7 @@ def test_an_effect_that_no_family_fits_is_given_no_name(logs_of):
 
 
 @pytest.mark.parametrize(
-    ("rho", "motion"),
+    "rho, motion",
     [
         *(pytest.param(x, 0.0, marks=pytest.mark.everything) for x in (0.0, 0.9, 0.98)),
         (0.9, 0.01),

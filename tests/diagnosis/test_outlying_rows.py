@@ -14,7 +14,7 @@ def study(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("rows", "size"),
+    "rows, size",
     [
         (7, 1.0),
         *(pytest.param(*c, marks=pytest.mark.everything) for c in [(30, 1.0), (7, 3.0), (30, 3.0)]),

@@ -48,7 +48,7 @@ LIKE = (
 
 
 @pytest.mark.parametrize(
-    ("what", "joint", "effects"),
+    "what, joint, effects",
     [(*CASES[0], LIKE), *(pytest.param(*c, None, marks=pytest.mark.everything) for c in CASES)],
 )
 def test_a_curve_is_learned_and_named_with_its_joint(what, joint, effects, named):

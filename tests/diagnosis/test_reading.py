@@ -81,7 +81,7 @@ def arm():
 
 
 @pytest.mark.parametrize(
-    ("joint", "factor", "says"),
+    "joint, factor, says",
     [(3, 1e-3, "is 0.00"), (5, 20.0, "is ")],
 )
 def test_a_torque_of_another_unit_is_found(arm, joint, factor, says):
@@ -106,7 +106,7 @@ def test_all_wrong_signs_are_named_at_once_and_stated_ones_too(arm):
 
 
 @pytest.mark.parametrize(
-    ("factor", "text"),
+    "factor, text",
     [(-1.0, "wrong sign"), (180 / np.pi, "degrees")],
 )
 def test_positions_that_are_read_otherwise_are_found(arm, factor, text):
@@ -154,7 +154,7 @@ def test_a_load_whose_mass_no_motion_shows_is_stated_without_it(tmp_path):
     assert "another load at arm than" in look(Robot.load(path), *logs).load
 
 
-@pytest.mark.parametrize(("name", "masses"), [("two-link", 1.0), ("six-dof-arm", 3.0)])
+@pytest.mark.parametrize("name, masses", [("two-link", 1.0), ("six-dof-arm", 3.0)])
 def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masses):
     robot, log = record(name, masses=masses)
     truth = robot.with_values({n: masses * x for n, x in robot.nominal.items()})
@@ -250,7 +250,7 @@ def delay(log, seconds):
     return replace(log, dq=None, ddq=None, tau=tau)
 
 
-@pytest.mark.parametrize(("joint", "seconds"), [(4, -0.04), (2, 0.13)])
+@pytest.mark.parametrize("joint, seconds", [(4, -0.04), (2, 0.13)])
 def test_a_late_torque_is_found_to_a_third_of_a_sample(arm, joint, seconds):
     robot, log = arm
     late = delay(log, seconds * (np.arange(6) == joint))
@@ -279,7 +279,7 @@ def test_late_torque_chooses_no_band_in_which_it_is_read_or_fitted(arm, monkeypa
     assert len(set(bands)) == 1
 
 
-@pytest.mark.parametrize(("degrees", "masses", "offset"), [(30.0, 2.0, 3.0), (180.0, 1.0, 0.0)])
+@pytest.mark.parametrize("degrees, masses, offset", [(30.0, 2.0, 3.0), (180.0, 1.0, 0.0)])
 def test_gravity_elsewhere_is_found_whatever_masses_and_offsets(degrees, masses, offset):
     robot, log = record("six-dof-arm", masses=masses)
     log = replace(log, tau=log.tau + offset)
@@ -292,7 +292,7 @@ def test_gravity_elsewhere_is_found_whatever_masses_and_offsets(degrees, masses,
 
 
 @pytest.mark.parametrize(
-    ("name", "masses"),
+    "name, masses",
     [("two-link", 1.0), ("six-dof-arm", 1 / 3), ("3-rps", 10.0), ("3-rps", 1.0)],
 )
 def test_no_other_model_is_chosen_where_masses_alone_are_the_file_s_no_more(name, masses):
@@ -302,7 +302,7 @@ def test_no_other_model_is_chosen_where_masses_alone_are_the_file_s_no_more(name
 
 
 @pytest.mark.parametrize(
-    ("effect", "name"),
+    "effect, name",
     [
         ("stribeck_friction", "3-rps"),
         ("hysteresis", "six-dof-arm"),

@@ -43,7 +43,7 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("hidden", "found"),
+    "hidden, found",
     [("free_spring", "function_of_position"), ("torque_offset", "torque_offset")],
 )
 def test_an_offset_is_a_part_of_a_spring_without_a_name_and_else_an_offset(

@@ -44,7 +44,7 @@ def test_a_caller_that_wants_no_more_ends_the_work(two):
 
 
 @pytest.mark.parametrize(
-    ("options", "sentence"),
+    "options, sentence",
     [
         ({"workers": 0}, "workers must be a whole number of at least 1 or None, not 0"),
         ({"scheduler": "tcp://a:1", "workers": 2}, "has its own workers; leave out their number"),

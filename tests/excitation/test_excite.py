@@ -131,7 +131,7 @@ def test_torque_and_closure_stay_near_those_of_logs_or_are_refused(find, monkeyp
 
 
 @pytest.mark.parametrize(
-    ("options", "sentence"),
+    "options, sentence",
     [
         ({"separate": ["paylod", "payload"]}, "There is no effect 'paylod', did you mean"),
         ({"parameters": ["link1.my2"]}, "'link1.my2' is no base parameter, did you mean"),

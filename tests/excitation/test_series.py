@@ -38,7 +38,7 @@ def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    "text, sentence",
     [
         ("slider4 = {v = 1}", "'slider4' is no actuated joint of the robot, did you mean"),
         ("slider1 = {q = [2, 1]}", "the lower limit must be below the upper one"),

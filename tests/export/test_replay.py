@@ -61,7 +61,7 @@ def fit(name, what):
 
 
 @pytest.mark.parametrize(
-    ("name", "what"),
+    "name, what",
     [pytest.param(*c, marks=() if c in SAMPLE else pytest.mark.everything) for c in CASES],
 )
 def test_other_engines_find_the_stated_errors(name, what, replayed, tmp_path):

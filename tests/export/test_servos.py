@@ -192,7 +192,7 @@ def test_true_robots_lie_in_the_joint_set_of_the_draws(count, simulated):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    "words, said",
     [
         (["--draws", "3", "--out", "x.json"], "does not end in .csv, .parquet, .pq, .xml or"),
         (["--prior", "0.3", "--out", "x.xml"], "say how many"),

@@ -30,7 +30,7 @@ def test_a_far_sample_in_a_crowd_has_the_assembly_that_it_has_alone(five_bar):
     assert np.abs(np.array(other) - alone.q[0]).max() > 2.9
 
 
-@pytest.mark.parametrize(("jump", "leaps"), [(0.0, 0), (0.69, 0), (0.71, 1), (-0.71, 1)])
+@pytest.mark.parametrize("jump, leaps", [(0.0, 0), (0.69, 0), (0.71, 1), (-0.71, 1)])
 def test_an_exciting_motion_leaps_where_its_velocities_do_not_lead(five_bar, jump, leaps):
     """By more than .7 rad between two samples; before it and after it all is led."""
     home = five_bar.actuated_positions(five_bar.home[None])

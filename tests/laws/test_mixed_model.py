@@ -259,7 +259,7 @@ def test_groups_share_one_prior_and_columns_are_as_large_as_torque(arm):
         assert len(g.members) == shapes + (shapes > 1)
 
 
-@pytest.mark.parametrize(("rho", "gone"), [(0.6, 0.3), (0.9, 0.0), (0.98, 0.0), (0.98, 0.3)])
+@pytest.mark.parametrize("rho, gone", [(0.6, 0.3), (0.9, 0.0), (0.98, 0.0), (0.98, 0.3)])
 def test_where_nothing_is_missing_nothing_is_named(arm, rho, gone):
     """Whatever the memory of the noise, and with 30 % of the rows missing in 20 stretches."""
     named = [missing_in(arm, seed, rho, gone=gone).model().search() for seed in range(20, 23)]
@@ -307,7 +307,7 @@ def test_what_is_in_every_joint_is_named_as_that(arm):
     assert one_of([0.0]) == [0.5]  # or none is there
 
 
-@pytest.mark.parametrize(("until", "play"), [(1.0, ""), (0.7, ""), (1.0, "shoulder")])
+@pytest.mark.parametrize("until, play", [(1.0, ""), (0.7, ""), (1.0, "shoulder")])
 def test_what_the_last_part_lacks_or_play_is_beside_is_not_named(arm, until, play):
     effect = "elbow", 3.0, CURVES["quadratic_friction"]
     named = find_missing(arm[2], drawn(arm, 3, 0.6, effect, until), play=[play]).named
@@ -315,7 +315,7 @@ def test_what_the_last_part_lacks_or_play_is_beside_is_not_named(arm, until, pla
     assert found == (until == 1.0 and not play)
 
 
-@pytest.mark.parametrize(("late", "refuted"), [(False, False), (True, False), (True, True)])
+@pytest.mark.parametrize("late, refuted", [(False, False), (True, False), (True, True)])
 def test_commands_are_late_beyond_unknown_ages_unless_rollouts_refute_it(arm, late, refuted):
     one = np.ones(2)
     robot = replace(arm[0], servo=Servo(one, one, -one, one, rate=10.0))

@@ -6,7 +6,7 @@ from identifiability.foundation.rounding import format_measured, format_number, 
 
 
 @pytest.mark.parametrize(
-    ("sigma", "value", "shown"),
+    "sigma, value, shown",
     [
         (0.100, "1.23", "0.10"), (0.354, "1.23", "0.35"), (0.3544, "1.23", "0.35"),
         (0.355, "1.2", "0.4"), (0.949, "1.2", "0.9"), (0.950, "1.2", "1.0"), (0.999, "1.2", "1.0"),
@@ -21,7 +21,7 @@ def test_two_digits_of_sigma_up_to_354_and_one_from_355_to_949(sigma, value, sho
 
 
 @pytest.mark.parametrize(
-    ("value", "digits", "shown"),
+    "value, digits, shown",
     [
         (12345.0, 3, "12300"), (123456.0, 3, "123000"), (999999.0, 3, "1·10⁶"),
         (1234567.0, 3, "1.23·10⁶"), (0.0001234, 3, "0.000123"), (0.00001234, 3, "1.23·10⁻⁵"),

@@ -84,7 +84,7 @@ def test_numbers_that_are_no_codes_stay_as_they_are(bits):
         assert not any("numbers" in note for note in read.notes)
 
 
-@pytest.mark.parametrize(("code", "fitted"), [(two_complement, 2), (sign_bit, 2), (sign_bit, 1)])
+@pytest.mark.parametrize("code, fitted", [(two_complement, 2), (sign_bit, 2), (sign_bit, 1)])
 def test_a_log_that_shows_no_code_is_read_by_the_code_of_the_logs_before(code, fitted):
     shows = encoded(counted(11), code, 11, "tau")
     silent = counted(11, seed=1)

@@ -21,7 +21,7 @@ def log_motors(columns, signs):
 
 
 @pytest.mark.parametrize(
-    ("columns", "signs", "said"),
+    "columns, signs, said",
     [
         ([0, 1], [1, 1], ()),
         ([0, 1], [1, -1], ("'right' seems to have the wrong sign",)),

@@ -23,7 +23,7 @@ def study(*checks, cell=None):
 
 
 @pytest.mark.parametrize(
-    ("result", "tone"),
+    "result, tone",
     [
         (study(PASS), "green"),
         (study(PASS, DIFFERS), "amber"),

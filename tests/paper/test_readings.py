@@ -20,7 +20,7 @@ def drawn():
 
 
 @pytest.mark.parametrize(
-    ("row", "logs", "outcome"),
+    "row, logs, outcome",
     [
         ("nothing wrong", 1, "moves nothing"),
         ("sign of one", 1, "right"),
@@ -37,7 +37,7 @@ def test_a_drawn_arm_is_read_as_it_was_logged(drawn, tmp_path, row, logs, outcom
 
 
 @pytest.mark.parametrize(
-    ("stream", "row", "number", "outcome"),
+    "stream, row, number, outcome",
     [
         pytest.param("0", "unit of one", 1, "question", marks=pytest.mark.everything),
         pytest.param("0", "magnitudes", 4, "question", marks=pytest.mark.everything),

@@ -43,7 +43,7 @@ def test_a_load_without_noise_is_found_exactly(fit, make_logs, planted):
 
 
 @pytest.mark.parametrize(
-    ("name", "effect"), [(ARM, "torque_scale@joint_3"), ("two-link", "load_dependent_friction")]
+    "name, effect", [(ARM, "torque_scale@joint_3"), ("two-link", "load_dependent_friction")]
 )
 def test_a_load_acts_on_scales_and_on_friction_by_load(make_logs, moves, planted, name, effect):
     own = moves(name)
@@ -84,7 +84,7 @@ def test_a_load_hangs_from_the_base_as_it_leans():
     assert abs(mass.value - 3.0) < mass.half < 0.04
 
 
-@pytest.mark.parametrize(("mass", "told"), [(1.5, True), (0.02, False)])
+@pytest.mark.parametrize("mass, told", [(1.5, True), (0.02, False)])
 def test_numbers_of_either_sign_may_be_zero_and_a_mass_may_not(fit, make_logs, mass, told):
     load = PlantedLoad(mass, np.array([0.0, -0.03, 0.1]), mass * np.diag([0.008, 0.009, 0.006]))
     found = payload(ARM, fit(ARM), make_logs(ARM, load, seed=3)[1])

@@ -83,7 +83,7 @@ def test_masses_are_bounded_body_by_body_and_in_all_and_a_name_goes_before_a_pat
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    "text, said",
     [
         (
             "[bounds.bodies.amr]\nmass = [0, 1]",

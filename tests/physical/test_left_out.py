@@ -34,7 +34,7 @@ def test_what_a_model_leaves_out_is_zero_in_the_nearest_real_robot(simulated):
     assert abs(base_values(result)["link1.mz"]) < 1e-6  # of 0.1 kg·m that noise would fit to it
 
 
-@pytest.mark.parametrize(("cad_weight", "near"), [(0.0, 2e-6), (None, 3e-3)])
+@pytest.mark.parametrize("cad_weight, near", [(0.0, 2e-6), (None, 3e-3)])
 def test_a_prior_hardly_moves_what_a_model_holds(simulated, cad_weight, near):
     result = fit(simulated, cad_weight, hold={"elbow.Ia": 0.05, "link1.mx": 2.0})
     chosen = result.models[-1].physical

@@ -23,7 +23,7 @@ def exact(arm):
     return analyze(arm, simulate(arm, motion, noise="none", derivatives=True), replicates=0)
 
 
-@pytest.mark.parametrize(("rotor", "possible"), [(-1e-14, True), (-1e-3, False)])
+@pytest.mark.parametrize("rotor, possible", [(-1e-14, True), (-1e-3, False)])
 def test_a_rotor_that_is_zero_up_to_rounding_is_possible(exact, rotor, possible):
     model = exact.models[0]
     at = model.submodel.columns.index("elbow.Ia")

@@ -8,7 +8,7 @@ from identifiability.estimation.prediction import measure_spread
 
 
 @pytest.mark.parametrize(
-    ("name", "rho"),
+    "name, rho",
     [("two-link", 0.8), pytest.param("six-dof-arm", 0.5, marks=pytest.mark.everything)],
 )
 def test_intervals_of_analyze_cover_planted_torque(name, rho, make_log, without_noise):

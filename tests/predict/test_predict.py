@@ -167,7 +167,7 @@ def test_the_command_writes_tables_and_a_page(analysis, make_log, told, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    "change, says",
     [
         (lambda c: c.update(fit=None), "keeps no fitted model"),
         (lambda c: c["fit"]["values"].pop(), "tables of another size"),

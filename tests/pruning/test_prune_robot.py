@@ -22,7 +22,7 @@ def test_the_3rps_ends_at_the_papers_smallest_model_without_knowing_it(pruned):
     assert sum(sure) >= 2 * len(sure) // 3
 
 
-@pytest.mark.parametrize(("trajectory", "seed"), [("601", 100), ("601", 103), ("571", 110)])
+@pytest.mark.parametrize("trajectory, seed", [("601", 100), ("601", 103), ("571", 110)])
 def test_slow_torque_noise_hides_no_parameter_and_adds_none(simulated, trajectory, seed):
     log = simulated("3-rps", trajectory, seed, Noise(additive=0.05, correlation=0.9))
     out = prune("3-rps", log, "none", ladder_path(Robot.load("3-rps")), replicates=0)
@@ -39,7 +39,7 @@ def test_a_model_that_no_real_robot_can_have_gives_way_where_real_robots_predict
 
 
 @pytest.mark.parametrize(
-    ("trajectory", "seed"),
+    "trajectory, seed",
     [
         ("571", 3),
         *(pytest.param(*x, marks=pytest.mark.everything) for x in (("595", 4), ("601", 5))),

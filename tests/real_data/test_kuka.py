@@ -47,7 +47,7 @@ FRICTION = "with friction and offsets"
 @pytest.mark.parametrize("method", ["ols", "wls"])
 @pytest.mark.parametrize("processing", ["ours", "the file's"])
 @pytest.mark.parametrize(
-    ("train", "validate", "low", "high"),
+    "train, validate, low, high",
     [(1, 2, 1.4, 2.1), (1, 3, 10.0, 16.0), (3, 1, 5.5, 8.5)],  # known: 1.7, 13-15, 7
 )
 def test_known_relative_errors_come_out(errors, train, validate, low, high, processing, method):

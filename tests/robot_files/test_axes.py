@@ -114,7 +114,7 @@ def test_passive_joints_can_have_what_is_placed_there(load_text):
 
 
 @pytest.mark.parametrize(
-    ("placed", "texts"),
+    "placed, texts",
     [('"coulomb_friction@cable+elbow"', ["viscous_friction", "coulomb_asymmetry@cable+elbow"]),(
             '"position_ripple@cable:0.2", "position_ripple@elbow"',
             ["viscous_friction", "coulomb_asymmetry", "position_ripple@cable:0.2",

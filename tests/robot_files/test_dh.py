@@ -142,7 +142,7 @@ def arm(**row):
 
 
 @pytest.mark.parametrize(
-    ("table", "sentence"),
+    "table, sentence",
     [
         ({"links": [{"name": "a"}]}, "The table: 'convention': field required"),
         (arm(alpha="pi/0"), "'links.1.alpha"),

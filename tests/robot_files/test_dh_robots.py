@@ -37,7 +37,7 @@ def model_of(robot):
     return Model.of(*effects)
 
 
-@pytest.mark.parametrize(("name", "bodies", "whole"), [("dvrk-mtm", 46, 73), ("dvrk-psm", 17, 49)])
+@pytest.mark.parametrize("name, bodies, whole", [("dvrk-mtm", 46, 73), ("dvrk-psm", 17, 49)])
 def test_the_arms_have_the_published_numbers_of_base_parameters(name, bodies, whole):
     robot = Robot.load(name)
     model = model_of(robot)

@@ -35,7 +35,7 @@ def load(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new"),
+    "old, new",
     [
         (LIMIT, ""),
         (LIMIT, '<limit lower="-inf" upper="inf" effort="inf" velocity="2"/>'),
@@ -46,7 +46,7 @@ def test_a_joint_without_limits_is_free(load, old, new):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "left"),
+    "old, new, left",
     [
         ('lower="-1"', 'lower="${-pi}"', "'${-pi}'"),
         ("</robot>", '<xacro:include filename="b.xacro"/></robot>', "<xacro:include>"),

@@ -68,7 +68,7 @@ def follows_its_torque(robot, spread=0.3):
 
 
 @pytest.mark.parametrize(
-    ("text", "sidecar"),
+    "text, sidecar",
     [
         (arm(after=CABLE), None),
         (arm(), AXIS),

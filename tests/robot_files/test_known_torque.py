@@ -127,7 +127,7 @@ def test_nothing_is_extrapolated(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    "text, words",
     [
         ('along = "elbw"\npolynomial = [1]', "elbow"),
         ('along = "elbow"', "either a table or a polynomial"),

@@ -167,7 +167,7 @@ def test_couplings_of_a_sidecar_add_to_those_of_the_file(load_text):
 
 
 @pytest.mark.parametrize(
-    ("sidecar", "lock", "sentence"),
+    "sidecar, lock, sentence",
     [
         ("", ["f9"], "names 'f9', which .* Known: j1, f1, f2"),
         ("", ["f1=high"], "'f1' cannot be locked at 'high'"),

@@ -23,7 +23,7 @@ def still(robot, q):
 
 
 @pytest.mark.parametrize(
-    ("closure", "tilt"),
+    "closure, tilt",
     [
         ('<connect site1="toe" site2="ground"/>', ""),
         ('<connect site1="ground" site2="toe"/>', 'euler="0.4 -0.7 0.2"'),

@@ -51,7 +51,7 @@ def test_patterns_are_the_names_that_fit_them(load_text):
 
 
 @pytest.mark.parametrize(
-    ("line", "sentence"),
+    "line, sentence",
     [
         (
             '[nominal]\n"wrist_*.Fv" = 1',

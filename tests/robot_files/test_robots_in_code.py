@@ -176,7 +176,7 @@ LINK = {"name": "a", "joint": "j"}
 
 
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    "change, sentence",
     [
         (lambda r: r.with_body("link9", mass=1), "no moving body 'link9'"),
         (

@@ -76,7 +76,7 @@ def poses(text, count=20, seed=0):
 
 
 @pytest.mark.parametrize(
-    ("legs", "motor"),
+    "legs, motor",
     [
         ("", 'gear="3"'),
         ('stiffness="40" springlength="0.6" damping="5" frictionloss="2" armature="0.4"', ""),

@@ -27,7 +27,7 @@ def same_refusal(path, read_long):
 
 
 @pytest.mark.parametrize(
-    ("row", "column", "value", "sentence"),
+    "row, column, value, sentence",
     [
         (3001, "elbow.q", "", "not a finite number in 1 of 4000 rows, first in data row 3001"),
         (2222, "shoulder.tau", "abc", "in 1 of 4000 rows, first in data row 2222 ('abc')"),

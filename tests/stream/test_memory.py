@@ -29,7 +29,7 @@ def peak(robot, path):
 
 # Text is read in larger pieces than Parquet, and fills them later.
 @pytest.mark.parametrize(
-    ("form", "samples"),
+    "form, samples",
     [("parquet", 8_000), pytest.param("csv", 48_000, marks=pytest.mark.everything)],
 )
 def test_three_times_the_samples_take_the_same_memory(

@@ -64,7 +64,7 @@ def assert_same(whole, parts):
     assert found.constant_error() == pytest.approx(expected.constant_error(), rel=1e-7)
 
 
-@pytest.mark.parametrize(("name", "form"), [("3-rps", "parquet"), ("six-dof-arm", "csv")])
+@pytest.mark.parametrize("name, form", [("3-rps", "parquet"), ("six-dof-arm", "csv")])
 def test_given_derivatives(name, form, sizes, frame_of, saved):
     path = saved(frame_of(name, periods=4, samples=900), form)
     whole = found(name, path)

@@ -181,7 +181,7 @@ def test_friction_of_passive_joints_is_felt_through_their_gears(gear, move, colu
 
 
 @pytest.mark.parametrize(
-    ("effect", "kind", "unit", "law"),
+    "effect, kind, unit, law",
     [
         ("viscous_friction", "Fv", "N·m·s/rad", lambda x, v, a: v),
         ("coulomb_friction", "Fc", "N·m", lambda x, v, a: np.sign(v)),

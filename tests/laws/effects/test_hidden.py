@@ -36,7 +36,7 @@ def rms(x):
 
 
 @pytest.mark.parametrize(
-    ("name", "law"),
+    "name, law",
     [
         ("free_spring", lambda v, x, load: 0.7 * x.max(0) - x),
         (

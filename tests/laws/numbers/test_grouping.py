@@ -53,7 +53,7 @@ def test_the_gap_is_the_last_singular_value_kept_and_the_first_dropped():
 
 
 @pytest.mark.parametrize(
-    ("second", "kinds", "forbidden"),
+    "second, kinds, forbidden",
     [
         ([1.0], ("m", "m"), True),  # two masses
         ([-1.0], ("m", "m"), False),  # their difference can have any sign

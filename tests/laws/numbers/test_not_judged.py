@@ -38,7 +38,7 @@ def kinds(verdicts):
     return {v.look for v in verdicts}
 
 
-@pytest.mark.parametrize(("least", "judges"), [(3.0, True), (100.0, False)])
+@pytest.mark.parametrize("least, judges", [(3.0, True), (100.0, False)])
 def test_a_long_log_is_judged_unless_more_is_asked_of_it(least, judges):
     fit, found = assess(150)
     verdicts = judged(fit, found, Thresholds(outputs_per_parameter=least))

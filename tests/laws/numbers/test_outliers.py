@@ -92,7 +92,7 @@ def test_one_actuator_is_weighed_down_where_it_lies_out_and_no_other():
     assert kept.samples == ROWS
 
 
-@pytest.mark.parametrize(("start", "stop"), [(500, 510), (440, 520)])
+@pytest.mark.parametrize("start, stop", [(500, 510), (440, 520)])
 def test_an_outlier_is_found_behind_a_larger_one_and_too_much_for_an_accident_decides_no_more(
     start, stop
 ):

@@ -58,7 +58,7 @@ def test_the_margin_is_the_smallest_eigenvalue_of_the_dimensionless_matrix():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    "change, said",
     [
         ({9: -1.0}, "mass -1 kg must be positive"),
         ({9: 0.0}, "mass 0 kg cannot be zero while its moments are not"),
@@ -73,7 +73,7 @@ def test_what_cannot_exist_says_why(change, said):
     assert said in check_body(theta, "arm")
 
 
-@pytest.mark.parametrize(("below", "feasible"), [(0.9e-7, True), (1.1e-7, False)])
+@pytest.mark.parametrize("below, feasible", [(0.9e-7, True), (1.1e-7, False)])
 def test_a_thin_body_exists_up_to_rounding(below, feasible):
     """A disc has margin 0; one part in ten million below it is rounding."""
     disc = body(np.full(4, 0.5), np.array([[0.1, 0, 0], [-0.1, 0, 0], [0, 0.1, 0], [0, -0.1, 0]]))

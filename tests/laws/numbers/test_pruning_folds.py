@@ -117,7 +117,7 @@ def test_what_holds_already_costs_nothing_and_changes_nothing(rows):
     assert_allclose(after(folds, ring).values, after(folds, chain).values, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("seed", "drawn"), [(0, 40), (1, 40), (2, 24)])
+@pytest.mark.parametrize("seed, drawn", [(0, 40), (1, 40), (2, 24)])
 def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
     """40 columns, nearly alike in tens, of up to 80 samples, few of which hardly determine them."""
     rng = default_rng(seed)

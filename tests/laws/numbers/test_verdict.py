@@ -28,7 +28,7 @@ def verdict(value, robust, **options):
 
 
 @pytest.mark.parametrize("value", [1.0, -1.0])
-@pytest.mark.parametrize(("robust", "kind"), [(0.2, "identifiable"), (0.201, "sign only")])
+@pytest.mark.parametrize("robust, kind", [(0.2, "identifiable"), (0.201, "sign only")])
 def test_identifiable_means_known_to_twenty_percent(value, robust, kind):
     found = verdict(value, robust, noise=1e3)
     assert found.verdict == kind
@@ -44,7 +44,7 @@ def test_the_verdict_rests_on_the_robust_deviation_not_on_the_white_one():
     assert verdict(1.0, 0.1, white=0.3, noise=1e3).verdict == "identifiable"
 
 
-@pytest.mark.parametrize(("z", "certain"), [(1.95, False), (1.97, True)])
+@pytest.mark.parametrize("z, certain", [(1.95, False), (1.97, True)])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_sign_is_certain_at_five_percent_of_a_two_sided_test(z, certain, sign):
     """Φ(-1.96) is .025: half of the level on each side."""
@@ -53,7 +53,7 @@ def test_a_sign_is_certain_at_five_percent_of_a_two_sided_test(z, certain, sign)
     assert ("even the sign may be chance" in found.reason) == (not certain)
 
 
-@pytest.mark.parametrize(("robust", "flags"), [(0.0459, ("negligible",)), (0.0460, ())])
+@pytest.mark.parametrize("robust, flags", [(0.0459, ("negligible",)), (0.0460, ())])
 @pytest.mark.parametrize("value", [0.01, -0.01])
 def test_negligible_is_said_of_the_whole_interval(value, robust, flags):
     """.01 + 1.96 × .0459 = .09996 of the residual; the value by itself is far below the tenth."""

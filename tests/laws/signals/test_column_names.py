@@ -172,7 +172,7 @@ def test_a_word_stands_in_one_row_of_the_table_alone():
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "factor"),
+    "name, kind, factor",
     [
         ("elbow.q_des", "q_ref", None),
         ("elbow_q_des_deg", "q_ref", np.pi / 180),

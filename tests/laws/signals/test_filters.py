@@ -68,7 +68,7 @@ def test_the_filter_has_forgotten_its_start_after_its_settling_rows():
         assert change[200 + rows // 4] > 1e-9 * change.max()  # and not much earlier
 
 
-@pytest.mark.parametrize(("fast", "reach"), [(0.05, 6.0), (0.01, 1.0)])
+@pytest.mark.parametrize("fast, reach", [(0.05, 6.0), (0.01, 1.0)])
 def test_the_bandwidth_holds_99_per_cent_of_the_velocitys_energy(fast, reach):
     """A 1 Hz swing and a small 6 Hz one: 36 a² of 1 + 36 a² is its share."""
     n = 10_000

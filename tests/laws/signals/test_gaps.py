@@ -74,7 +74,7 @@ def test_bridged_gaps_change_the_motion_by_what_a_cubic_misses(two):
             assert_allclose(found[inner], wanted[inner], rtol=0, atol=atol)
 
 
-@pytest.mark.parametrize(("lost", "split"), [(24, False), (25, True), (300, True)])
+@pytest.mark.parametrize("lost, split", [(24, False), (25, True), (300, True)])
 def test_a_gap_is_bridged_below_half_of_the_period_of_the_cut_off(two, lost, split):
     s = prepared(two, without(4000, (1999, lost)))
     assert len(s.breaks) == split == len(s.hints)

@@ -174,7 +174,7 @@ def remarks(**channels):
 
 
 @pytest.mark.parametrize(
-    ("factor", "clean"), [(1.0, True), (1.24, True), (1.26, False), (0.81, True), (0.79, False)]
+    "factor, clean", [(1.0, True), (1.24, True), (1.26, False), (0.81, True), (0.79, False)]
 )
 def test_a_velocity_that_is_too_large_or_small_by_a_quarter_contradicts(factor, clean):
     """Integrated, it must be multiplied by .8 … 1.25 to be the position."""
@@ -196,7 +196,7 @@ def test_noise_offsets_and_gaps_do_not_contradict():
         assert contradictions(replace(cut, q=moved)) == []
 
 
-@pytest.mark.parametrize(("size", "compared"), [(3.5, False), (5.0, True)])
+@pytest.mark.parametrize("size, compared", [(3.5, False), (5.0, True)])
 def test_motion_is_compared_where_it_stands_out_four_times_from_single_samples(size, compared):
     """The rms of the motion in units of the white noise of its samples."""
     q, dq, _ = wave(T)
@@ -219,7 +219,7 @@ def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
 
 
 @pytest.mark.parametrize(
-    ("joint", "unit", "factor", "kind"),
+    "joint, unit, factor, kind",
     [
         ("hinge", "degrees", 180 / np.pi, "say .*angles='deg'"),
         ("slide", "mm", 1e3, "convert it to m"),
@@ -241,7 +241,7 @@ def test_positions_in_another_unit_are_named_by_the_limits(joint, unit, factor, 
 
 
 @pytest.mark.parametrize(
-    ("factor", "refused"),
+    "factor, refused",
     [(1.0, False), (1.9, False), (0.55, False), (2.1, True), (0.45, True), (-1.0, True),
      (180 / np.pi, True)],
 )  # fmt: skip

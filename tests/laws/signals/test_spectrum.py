@@ -46,7 +46,7 @@ def test_white_noise_has_its_density_and_what_it_becomes_in_an_acceleration(orde
     assert 0.75 < shape < 1
 
 
-@pytest.mark.parametrize(("sd", "order"), [(2e-4, 2), (1e-3, 2), (2e-2, 1)])
+@pytest.mark.parametrize("sd, order", [(2e-4, 2), (1e-3, 2), (2e-2, 1)])
 def test_noise_lowers_the_cut_off_to_where_it_has_its_share(sd, order):
     rate = 200.0
     t = times(200.0)

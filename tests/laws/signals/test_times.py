@@ -27,9 +27,7 @@ def read(frame, **known):
 
 
 @pytest.mark.parametrize("start", [0.0, 12.5])
-@pytest.mark.parametrize(
-    ("unit", "step"), [("ms", 0.004), ("us", 0.001), ("ns", 0.001), ("ns", 0.01)]
-)
+@pytest.mark.parametrize("unit, step", [("ms", 0.004), ("us", 0.001), ("ns", 0.001), ("ns", 0.01)])
 def test_steps_that_fit_one_unit_only_are_taken_in_it_and_said(unit, step, start):
     frame = table(step)
     wanted = frame["t"] + start
@@ -144,7 +142,7 @@ def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path, read_lo
 
 
 @pytest.mark.parametrize(
-    ("rate", "of_commands"), [(125, 50), (60, 50), (500, 30), (1000, 7.3), (100, 50)]
+    "rate, of_commands", [(125, 50), (60, 50), (500, 30), (1000, 7.3), (100, 50)]
 )
 def test_rows_tell_since_when_they_hold_what_comes_on_another_clock(rate, of_commands):
     t = 0.0004 + np.arange(0, 15, 1 / rate)
