@@ -49,6 +49,7 @@ from identifiability.servos import (
 )
 from identifiability.servos.descent import BEGUN, descend
 from identifiability.servos.fit import compare_bodies, divide_gains, leave_bounds
+from identifiability.servos.odd_joints import Screening
 from identifiability.servos.rollouts import are_contradicted
 from identifiability.servos.windows import cut_windows
 from identifiability.simulation.rollout import CommandedRobot
@@ -316,6 +317,16 @@ def test_wrong_gains_of_little_effect_or_hidden_by_friction_are_found(tmp_path, 
     (said,), *_ = find_odd_joints(robot, found)
     gains = r"'wrist_pitch' of 1(3\.[3-8]|0\.[89]|1\.[0-5])|'shoulder' of 12\.[5-7]"
     assert re.search(gains, said)
+
+
+def test_the_gain_of_the_joint_with_most_of_the_error_is_tried_whatever_it_promises(
+    tmp_path, monkeypatch
+):
+    robot, _, found = record_hobby_arm(tmp_path, servos.Fault(2, "gain", -0.3))
+    screen = "identifiability.servos.odd_joints._screen"
+    monkeypatch.setattr(screen, lambda _, end, *__, **___: Screening(0 * end.x, end.x - 0.2))
+    (said,), *_ = find_odd_joints(robot, found)
+    assert "kp of 'elbow' of 12.6" in said
 
 
 def test_a_search_leaves_friction_in_place_of_a_rotor(tmp_path):

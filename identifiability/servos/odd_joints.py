@@ -216,7 +216,10 @@ def _explain_tree(
     recorded = problem.recorded.max(0) ** 2
     excess = squares * (1 - recorded / or_one(np.maximum(errors**2, recorded)))
     least = PROMISING * squares[joints].sum()
-    for likeliest in _list_likeliest(problem, joints, screening.gain, excess, least):
+    groups = _list_likeliest(problem, joints, screening.gain, excess, least)
+    promising = [group[0] % len(joints) for group in groups]
+    groups += _list_worst(problem, joints, np.concatenate([[], *promising]), errors)
+    for likeliest in groups:
         own = np.unique(likeliest[0] % len(joints))
         # A joint whose command stands has no errors, but may move the others.
         judged = own if errors[own].any() else np.flatnonzero(joints)
@@ -233,6 +236,20 @@ def _explain_tree(
             problem.varied[best.numbers] = True
             end = best.end
         yield kept
+
+
+def _list_worst(
+    problem: RolloutProblem, joints: np.ndarray, promising: Array, errors: Array
+) -> list[list[np.ndarray]]:
+    """Return gains of joints that have a quarter of the squared errors (n,) of their tree.
+
+    To first order other numbers replace a gain that is far off, so that it promises nothing.
+    """
+    squares = errors**2 * joints
+    much = np.flatnonzero(4 * squares > squares.sum())
+    tried = np.setdiff1d(much, promising)
+    ordered = tried[np.argsort(-squares[tried])]
+    return [[problem.at("kp")[[joint]]] for joint in ordered]
 
 
 def _sum_squares(problem: RolloutProblem, weighing: SearchEnd, end: SearchEnd) -> Array:
