@@ -272,7 +272,9 @@ def _find_size(change: Change) -> tuple[str, float, float, str]:
     if change.kind == "load":
         return change.what, change.sizes[0], change.sd[0], "kg"
     seen = (np.abs(change.sizes) > REACH * change.sd).nonzero()[0].tolist()
-    if change.kind == "friction" and len(seen) == 1 and change.determined[k := seen[0]]:
+    known = len(seen) == 1 and len(change.before) > seen[0] and change.determined[seen[0]]
+    if change.kind == "friction" and known:
+        k = seen[0]
         kind = change.names[k].removeprefix(f"{change.place}.")
         size, sd = 100 * np.array([change.sizes[k], change.sd[k]]) / abs(change.before[k])
         if kind in JOINT_KINDS and np.isfinite(size):
