@@ -246,6 +246,7 @@ def _list_worst(
     To first order other numbers replace a gain that is far off, so that it promises nothing.
     """
     squares = errors**2 * joints
+    # A quarter: one joint or two stand out, whatever noise is in the others.
     much = np.flatnonzero(4 * squares > squares.sum())
     tried = np.setdiff1d(much, promising)
     ordered = tried[np.argsort(-squares[tried])]
