@@ -166,7 +166,7 @@ def _confirm(search: Search, found: Terms) -> Confirmed:
         products = missing.products(search.unseen, among=found)
     else:
         log = missing.seen.log
-        count = len(log)
+        count = len(missing.seen.log)
         first = int(np.argmax(log == log[-1]))
         edges = [0, first, count] if first else [0, *divide(count), count]
         blocks = missing.products(missing.seen, edges, among=found)
@@ -191,9 +191,9 @@ def _replaces(other: Judged, judged: Judged, new: set[tuple[str, str]]) -> bool:
 
 def _exchange_improbable(judged: Judged) -> Terms:
     """Return terms with the likeliest alternative of an improbable one; none if there is none."""
-    terms = judged.terms
     for k, other in _find_improbable(judged):
-        return judged.search.model.update_terms((*terms[:k], other, *terms[k + 1 :]))
+        exchanged = (*judged.terms[:k], other, *judged.terms[k + 1 :])
+        return judged.search.model.update_terms(exchanged)
     return ()
 
 
@@ -266,10 +266,9 @@ def _find_terms(search: Search) -> tuple[Search, Terms]:
 def _search_terms(search: Search) -> Terms:
     """Return the missing effects; one search adds families everywhere, one does not.
 
-    A family everywhere may replace different effects of several joints. The search would not find
-    its way back, so the evidence of both searches decides, and fewer parameters if it is about
-    equal. Some joints of one family are no other effects: those that keep its name are chosen
-    later.
+    A flexible family everywhere may replace different effects of several joints. The search would
+    not find its way back, so the evidence of both searches decides. Some joints of one family are
+    no other effects: those that keep its name are chosen later.
     """
     model = search.model
     found = _join_terms(search, model.search())
@@ -277,44 +276,23 @@ def _search_terms(search: Search) -> Terms:
         return found
     places = tuple(g for g in model.groups if g.place != EVERYWHERE)
     single = _join_terms(search, replace(model, groups=places).search())
-    if {t.group.family for t in single} <= {t.group.family for t in found}:
+    if _families_of(single) <= _families_of(found):
         return found
-    single = _gather_places(model, single)
-    # A family has paid the price of the effects of which it consists.
-    paid = {name for t in found for name in _family(search.missing, t).effect.supersedes}
-    relief = sum(t.group.price for t in single if t.group.family in paid)
-    odds = model.total_odds(single) + relief - model.total_odds(found)
-    fewer = sum(t.size for t in single) < sum(t.size for t in found)
-    return single if odds > -RULES.simpler * fewer else found
-
-
-def _gather_places(model: MixedModel, terms: Terms) -> Terms:
-    """Return terms with a family everywhere instead of at several places, if that is likelier."""
-    for group in model.groups:
-        own = {t.key for t in terms if t.group.family == group.family}
-        if group.place == EVERYWHERE and len(own) > 1:
-            gathered = _exchange(model, terms, own, group)
-            terms = max(terms, gathered, key=model.total_odds)
-    return terms
-
-
-def _exchange(model: MixedModel, terms: Terms, gone: set[tuple[str, str]], group: Group) -> Terms:
-    """Return terms with a group in place of some of them."""
-    rest = tuple(t for t in terms if t.key not in gone)
-    return model.update_terms((*rest, Term(group)))
+    return max(found, single, key=model.total_odds)
 
 
 def _join_terms(search: Search, terms: Terms) -> Terms:
     """Return terms with one effect where a place has all effects of which it consists.
 
-    A spring with an unknown rest is joint stiffness and torque offset, even an offset everywhere.
+    A spring with an unknown rest is joint stiffness and torque offset.
     """
     for group in search.model.groups:
-        keys = {t.key for t in terms}
         parts = {part.key for part in _parts_of(search, group)}
-        own = parts & keys
-        if own and all((name, EVERYWHERE) in keys for name, _ in parts - own):
-            terms = _exchange(search.model, terms, own, group)
+        if parts and parts <= {t.key for t in terms}:
+            first = min(k for k, t in enumerate(terms) if t.key in parts)
+            rest = tuple(t for t in terms[first:] if t.key not in parts)
+            joined = (*terms[:first], Term(group, 0, 1.0, 0.0), *rest)
+            terms = search.model.update_terms(joined)
     return terms
 
 
@@ -340,6 +318,11 @@ def _odds_of_parts(search: Search, rest: Terms, group: Group) -> float:
     return odds if parts else -np.inf
 
 
+def _families_of(terms: Terms) -> set[str]:
+    """Return the families of missing effects."""
+    return {t.group.family for t in terms}
+
+
 def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Weak]:
     """Return places where terms surely gain on left-out blocks, and terms that may gain.
 
@@ -351,21 +334,23 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Weak]:
     """
     rows = search.missing.seen
     folds = leave_out_each(search.missing.products(rows, _block_edges(rows), among=found))
-    every = kept = _split_places(search, found)
+    owners, terms = _split_places(search, found)
+    every = list(zip(owners, terms, strict=True))
     possible = list[tuple[Term, float, float]]()
     gains = np.empty(0)
-    while kept:
-        terms = tuple(t for _, t in kept)
+    while terms:
         gains, needed = _gains_left_out(search.model, terms, folds)
         lacking = np.minimum(gains - needed, search.model.odds_each(terms) - RULES.name)
-        gone = _choose_leaving(lacking, kept)
+        gone = _choose_leaving(lacking, owners, terms)
         if not gone:
             break
         left = [(terms[k], float(gains[k]), float(needed[k])) for k in gone]
         possible += [weak for weak in left if weak[1] > 0]
-        kept = [x for k, x in enumerate(kept) if k not in gone]
+        stays = [k for k in range(len(terms)) if k not in gone]
+        owners = [owners[k] for k in stays]
+        terms = tuple(terms[k] for k in stays)
     places: Places = {t.key: {} for t in found}
-    for (owner, term), gain in zip(kept, gains.tolist(), strict=False):
+    for owner, term, gain in zip(owners, terms, gains.tolist(), strict=False):
         places[owner][term.group.place] = gain
     together = PassiveJointFriction.name, EVERYWHERE
     if len(places.get(together, ())) > 1:
@@ -383,14 +368,16 @@ def _pay_prices(search: Search, terms: Terms, places: Places) -> Terms:
     """
     kept = tuple(t for t in terms if places[t.key])
     parts = tuple(_at_some(search, t, places[t.key]) for t in kept)
-    asked = zip(kept, search.model.update_terms(parts), strict=True)
-    return tuple(t for t, part in asked if part.odds >= RULES.name or part.size == t.size)
+    asked = search.model.update_terms(parts)
+    worth = [own.odds >= RULES.name for own in asked]
+    fewer = [part.size < t.size for t, part in zip(kept, parts, strict=True)]
+    return tuple(t for t, some, pays in zip(kept, fewer, worth, strict=True) if pays or not some)
 
 
 def _at_some(search: Search, term: Term, places: Collection[str]) -> Term:
     """Return a term with the columns of some places alone."""
-    sets = search.missing.sets[term.key]
-    used = [k for some in sets for c in some if c.place in places for k in c.columns]
+    candidates = (c for some in search.missing.sets[term.key] for c in some)
+    used = [k for c in candidates if c.place in places for k in c.columns]
     columns = np.array(used) + search.missing.fixed
     members = (at[np.isin(at, columns)] for at in term.group.members)
     shapes = tuple(at for at in members if len(at))  # places may have fewer shapes
@@ -398,31 +385,28 @@ def _at_some(search: Search, term: Term, places: Collection[str]) -> Term:
     return replace(term, group=group, member=min(term.member, len(shapes) - 1))
 
 
-#: Terms of one place each, with the keys of the terms whose parts they are.
-Split = list[tuple[tuple[str, str], Term]]
-
-
-def _choose_leaving(lacking: Array, split: Split) -> list[int]:
+def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
     """Return the terms removed in a round: at most one of a place and of a family, the worst.
 
     One scale of the torque is redundant given all others, but all scales together are not.
     """
     gone = list[int]()
-    taken = set[object]()
     for k in np.argsort(lacking).tolist():
-        owner, term = split[k]
-        if lacking[k] < 0 and taken.isdisjoint([owner, term.group.place]):
+        families = {owners[g] for g in gone}
+        places = {terms[g].group.place for g in gone}
+        alone = owners[k] not in families and terms[k].group.place not in places
+        if lacking[k] < 0 and alone:
             gone.append(k)
-            taken |= {owner, term.group.place}
     return gone
 
 
-def _split_places(search: Search, found: Terms) -> Split:
-    """Return terms of one place each, without those that another effect there contains.
+def _split_places(search: Search, found: Terms) -> tuple[list[tuple[str, str]], Terms]:
+    """Return terms of one place each, and the keys of the terms whose parts they are.
 
     A sum of all shapes of a family is a curve, which no equation names.
     """
-    split: Split = []
+    owners = list[tuple[str, str]]()
+    terms = list[Term]()
     for k, term in enumerate(found):
         candidates = find_candidates(search, found, k)
         price = float(np.log(len(candidates)))  # the family has paid its price
@@ -431,9 +415,9 @@ def _split_places(search: Search, found: Terms) -> Split:
         for c in candidates:
             columns = np.array(c.columns) + search.missing.fixed
             group = replace(part, place=c.place, members=(columns,))
-            split.append((term.key, replace(term, group=group, member=0)))
-    contained = {part.key for _, t in split for part in _parts_of(search, t.group)}
-    return [x for x in split if x[1].key not in contained]
+            owners.append(term.key)
+            terms.append(replace(term, group=group, member=0))
+    return owners, tuple(terms)
 
 
 def _block_edges(rows: Excerpt) -> list[int]:
@@ -457,13 +441,17 @@ def _gains_left_out(
     fit. Each other term must therefore gain a share of their joint gain, or be no such error. The
     likeliest may be a family everywhere. An error of clocks is no law of the joint.
     """
-    laws = [k for k, t in enumerate(terms) if t.group.family not in CLOCKS]
-    crowds = [[k for k in laws if terms[k].group.place == t.group.place] for t in terms]
-    singles = [frozenset([k]) for k in range(len(terms))]
-    joint = [own.union(crowd) for own, crowd in zip(singles, crowds, strict=True)]
+    laws = dict[str, list[int]]()
+    for k, term in enumerate(terms):
+        if term.group.family not in CLOCKS:
+            laws.setdefault(term.group.place, []).append(k)
+    every = range(len(terms))
+    crowds = [laws.get(t.group.place, []) for t in terms]
+    singles = [frozenset([k]) for k in every]
+    joint = [frozenset([k, *crowd]) for k, crowd in zip(every, crowds, strict=True)]
     gains, together = model.left_out(terms, folds, [*singles, *joint]).reshape(2, -1)
     needed = np.full(len(terms), RULES.keep)
-    for k, crowd in enumerate(crowds):
+    for k, crowd in zip(every, crowds, strict=True):
         likeliest = max(crowd, default=k, key=lambda k: terms[k].odds)
         least = max(RULES.keep, RULES.law_error * together[k])
         small = k != likeliest and gains[k] < least
@@ -541,8 +529,10 @@ def find_candidates(search: Search, terms: Terms, k: int) -> list[Candidate]:
         chosen = _refined(search.model, rest, term.group, sets)
     elif term.member == len(sets):
         chosen = [c for some in sets for c in some]
-    places = dict.fromkeys(c.place for c in chosen)
-    return [_merge_kinds([c for c in chosen if c.place == place]) for place in places]
+    places: dict[str, list[Candidate]] = {}
+    for c in chosen:
+        places.setdefault(c.place, []).append(c)
+    return [_merge_kinds(own) for own in places.values()]
 
 
 def _merge_kinds(own: Sequence[Candidate]) -> Candidate:
@@ -670,8 +660,8 @@ def _conclude_named(judged: Judged, robot: Robot) -> MissingEffects:
     terms = tuple(_at_places(judged, k) for k in range(len(judged.terms)))
     found = _conclude(judged.search, terms)
     named = found.shares[: len(found.named)]
-    spurious = is_unknown_age, is_drift_of_integral
-    kept = tuple(s.term for s in named if not any(of(s, robot) for of in spurious))
+    own = [s for s in named if not is_unknown_age(s, robot)]
+    kept = tuple(s.term for s in own if not is_drift_of_integral(s, robot))
     if len(kept) == len(named):
         return found
     return _conclude(judged.search, judged.search.model.update_terms(kept))
