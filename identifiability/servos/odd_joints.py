@@ -217,8 +217,7 @@ def _explain_tree(
     excess = squares * (1 - recorded / or_one(np.maximum(errors**2, recorded)))
     least = PROMISING * squares[joints].sum()
     groups = _list_likeliest(problem, joints, screening.gain, excess, least)
-    promising = [group[0] % len(joints) for group in groups]
-    groups += _list_worst(problem, joints, np.concatenate([[], *promising]), errors)
+    groups += _list_worst(problem, joints, groups, errors)
     for likeliest in groups:
         own = np.unique(likeliest[0] % len(joints))
         # A joint whose command stands has no errors, but may move the others.
@@ -239,7 +238,10 @@ def _explain_tree(
 
 
 def _list_worst(
-    problem: RolloutProblem, joints: np.ndarray, promising: Array, errors: Array
+    problem: RolloutProblem,
+    joints: np.ndarray,
+    promising: Sequence[Sequence[np.ndarray]],
+    errors: Array,
 ) -> list[list[np.ndarray]]:
     """Return gains of joints that have a quarter of the squared errors (n,) of their tree.
 
@@ -248,7 +250,8 @@ def _list_worst(
     squares = errors**2 * joints
     # A quarter: one joint or two stand out, whatever noise is in the others.
     much = np.flatnonzero(4 * squares > squares.sum())
-    tried = np.setdiff1d(much, promising)
+    already = [group[0] % len(joints) for group in promising]
+    tried = np.setdiff1d(much, np.concatenate([[], *already]))
     ordered = tried[np.argsort(-squares[tried])]
     return [[problem.at("kp")[[joint]]] for joint in ordered]
 
