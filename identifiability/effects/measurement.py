@@ -235,7 +235,7 @@ class CommandDelay(TimeDelay):
 
 
 def _needs_stated_gain(robot: Robot, place: str) -> str:
-    """Return why torque has no wrong scale, or why none can be told; empty if one can."""
+    """Return why logs cannot show a wrong scale of the torque; empty if they can."""
     if robot.servo is not None and place in robot.joints:
         log_kp = robot.joints.index(place) - len(robot.joints)
         if any(change[log_kp] for change in robot.servo.doubt):

@@ -395,8 +395,8 @@ def body_scatter(structure: Structure) -> Array:
 def _offset_scatter(structure: Structure, submodel: Submodel, full: Estimate) -> Array:
     """Return the possible sizes of omitted torque offsets, which no file states, (p,).
 
-    The variance of the normal prior of each is what makes its fitted value likeliest, zero where
-    that is within its standard error.
+    Each has a normal prior about zero, and its variance makes the fitted value likeliest. It is
+    zero for an offset within its standard error.
     """
     variance = np.diag(full.covariance) * float(np.max(full.times))
     squares = np.maximum((full.value - submodel.fixed) ** 2 - variance, 0.0)

@@ -624,8 +624,7 @@ def find_missing(
     if not len(missing.seen.y) or not missing.groups:
         return NO_MISSING_EFFECTS
     if known is not None:
-        search = Search(missing.under(known.noise))
-        return _leave_refuted(_conclude_known(search, known), search, robot, own_delays)
+        return _conclude_known(missing, known, robot, own_delays)
     others = None if unseen is None else Excerpt.of(unseen).leave_out(spoilt)
     found = _name_missing(missing, others, robot, own_delays)
     # The noise of joints that were left out is that of all their rows.
@@ -722,12 +721,16 @@ def is_drift_of_integral(share: Share, robot: Robot) -> bool:
     return integrates and family.against == "time"
 
 
-def _conclude_known(search: Search, known: MissingEffects) -> MissingEffects:
+def _conclude_known(
+    missing: Missing, known: MissingEffects, robot: Robot, own_delays: Array | None
+) -> MissingEffects:
     """Return the same for those known effects that a model still lacks, on fitted rows."""
+    search = Search(missing.under(known.noise))
     groups = {g.key: g for g in search.model.groups}
     lacking = (replace(t, group=groups[t.key]) for t in known.named if t.key in groups)
     terms = search.model.update_terms(tuple(lacking))
-    return _conclude(search, tuple(t for t in terms if t.odds >= RULES.name))
+    lacked = _conclude(search, tuple(t for t in terms if t.odds >= RULES.name))
+    return _leave_refuted(lacked, search, robot, own_delays)
 
 
 def _at_places(judged: Judged, k: int) -> Term:

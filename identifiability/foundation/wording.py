@@ -100,7 +100,7 @@ def _keyword(found: re.Match[str]) -> str:
     if name == "set":
         name, _, value = value.partition("=")
     value = "True" if name in SWITCHES else value or "…"
-    keyword = f"{KEYWORDS.get(name, name)}={quoted(value)}"
+    keyword = f"{KEYWORDS.get(name, name)}={quoted(value, name)}"
     if name in OF_PREPARATION:
         keyword = f"preparation=Preparation({keyword})"
     elif name in OF_ROBOT:
@@ -110,10 +110,13 @@ def _keyword(found: re.Match[str]) -> str:
     return f"{keyword}{end}"
 
 
-def quoted(text: str) -> str:
-    """Return a value as Python writes it: a number, a truth value or a text; ``…`` if unknown."""
+def quoted(text: str, option: str = "") -> str:
+    """Return a value as Python writes it: a number, a truth value or a text; ``…`` if unknown.
+
+    Of the option ``fixed``, ``exact`` is true.
+    """
     number = re.fullmatch(r"-?\d+(\.\d+)?(e-?\d+)?", text)
-    if text == "exact":  # of --fixed
+    if option == "fixed" and text == "exact":
         return "True"
     if number or text in ("True", "False", "…"):
         return text

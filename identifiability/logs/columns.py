@@ -857,7 +857,7 @@ def tell_missing(
     if options_in_order and not spelled:
         maps = f" {phrase('columns.missing', 'order', maps=options_in_order)}"
     if free and _kind(first) == "tau":
-        maps = f"{maps} {phrase('columns.missing', 'currents')}"
+        maps += f" {phrase('columns.missing', 'currents')}"
     if _have_both_sides(free, joints):
         maps = f" {phrase('columns.missing', 'both')}"
     near = near_match(missing[0], [n for n in free if _may_name(n, _kind(missing[0]))])

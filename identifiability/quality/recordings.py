@@ -220,7 +220,8 @@ def _name_and_date(log: Log) -> str:
     """Return the name of a log, with the time of its first row if its clock tells it."""
     if log.start is None:
         return log.name
-    first = f"{np.datetime64(int(log.start), 's')}".replace("T", " ")
+    second = np.datetime64(int(log.start), "s")
+    first = str(second).replace("T", " ")
     return f"{log.name} (from {first})"
 
 

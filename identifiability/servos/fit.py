@@ -268,7 +268,8 @@ def compare_bodies(found: Rollouts) -> tuple[float, float]:
     variances = (ratios - mean) ** 2 + sd**2 / or_one(by_rollouts)
     error = np.sqrt(weights**2 @ variances)
     share = np.sqrt(by_rollouts.sum() / precision.sum())
-    return mean, float(max(share + error, REACH / np.sqrt(precision.sum())))
+    by_chance = REACH / np.sqrt(precision.sum())
+    return mean, float(max(share + error, by_chance))
 
 
 def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:

@@ -73,7 +73,7 @@ def read_sides(case: Case, run: Run, *, commands: bool = False) -> Recordings:
     return sides
 
 
-def compute_torque(case: Case, structure: Structure, run: Run) -> tuple[Recordings, Structure]:
+def compute_sides(case: Case, structure: Structure, run: Run) -> tuple[Recordings, Structure]:
     """Return both sides with torque of their servos, and the structure with these servos.
 
     Torque of commands is corrected by rollouts. Each side has its own, as rollouts with friction of
@@ -291,7 +291,7 @@ def compare(
         source = case.ladder(ladder, beside=True)
         recordings = read_sides(case, run, commands=True)
         first = case.first_structure(run, ladder)
-        sides_read, structure = compute_torque(case, first, run)
+        sides_read, structure = compute_sides(case, first, run)
         data = case.data(structure, run, "compared", recordings=sides_read)
         unchanged = case.completed(data, run)
         if unchanged.unseen is None:

@@ -19,7 +19,8 @@ def find_presenter(result: Any) -> Presenter:
     without one gets the base class `Presenter`.
     """
     for kind in type(result).__mro__:
-        _, _, stem, *_ = f"{kind.__module__}...".split(".")
+        folders = kind.__module__.split(".")
+        stem = folders[2] if len(folders) > 2 else ""
         if stem in FILES:
             home = import_module(f"{__name__}.{FILES[stem]}")
             presenter: type[Presenter] = getattr(home, f"{kind.__name__}Presenter", Presenter)

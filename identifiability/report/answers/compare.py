@@ -276,9 +276,11 @@ def _find_size(change: Change) -> tuple[str, float, float, str]:
     if change.kind == "friction" and known:
         k = seen[0]
         kind = change.names[k].removeprefix(f"{change.place}.")
-        size, sd = 100 * np.array([change.sizes[k], change.sd[k]]) / abs(change.before[k])
+        percent = 100 / abs(change.before[k])
+        size = percent * change.sizes[k]
         if kind in JOINT_KINDS and np.isfinite(size):
-            return f"{sentence('values', kind)} of {change.place}", size, sd, "%"
+            what = f"{sentence('values', kind)} of {change.place}"
+            return what, size, percent * change.sd[k], "%"
     return change.what, 100 * change.share, 100 * change.share_sd, "%"
 
 

@@ -264,7 +264,8 @@ def _given_options(d: Diagnosis) -> str:
     model = d.provenance.get("model")
     kept = d.provenance.get("fixed" if d.fixed else "prior", "")
     words = [option_for_shell("--model", model)] if model else []
-    if kept not in ("", d.known.words, "" if d.fixed else str(FILE_RULES.body_within)):
+    usual = "" if d.fixed else str(FILE_RULES.body_within)
+    if kept not in ("", d.known.words, usual):
         words.append(f"--fixed {'exact' if kept == 'True' else path_for_shell(kept)}")
     return "".join(f" {word}" for word in words)
 

@@ -256,7 +256,8 @@ def _keywords(options: dict[str, list[str]], verb: str) -> list[str]:
     for name, values in options.items():
         if name in apart:
             continue
-        value = quoted(values[0]) if len(values) == 1 and name not in FILES else _files(values)
+        single = len(values) == 1 and name not in FILES
+        value = quoted(values[0], name) if single else _files(values)
         value = repr(values) if name == "parameter" else value
         told.append(f"{KEYWORDS.get(name, name)}={value}")
     if verb == "export" and "patch" in options:

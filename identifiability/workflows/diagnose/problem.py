@@ -243,8 +243,10 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
     if not refitted:
         nominal = structure.nominal
         own = np.flatnonzero(~rows.any(0) & (nominal != 0))
-        rows = np.vstack([rows, np.eye(len(nominal))[own] / (share * np.abs(nominal[own, None]))])
-        aim = np.append(aim, np.sign(nominal[own]) / share)
+        sd = share * np.abs(nominal[own])
+        alone = np.eye(len(nominal))[own]
+        rows = np.vstack([rows, alone / sd[:, None]])
+        aim = np.append(aim, nominal[own] / sd)
     words = f"the robot file's values, each within {percent(share)},"
     words = "the refitted model" if refitted else words
     return KnownValues(**vars(_know_rows(rows, aim, structure)), words=words, share=share)

@@ -950,15 +950,17 @@ def _curve(naming: Naming, fitted: Prediction, k: int, placed: Placement) -> Cur
     j = max(sizes, key=sizes.__getitem__)
     of = c.effect.drawn_over(naming.problem.robot, j)
     measured = fitted.data[:, j]
-    added = columns[j] @ placed.values
+    data = fitted.residual[:, j, 0] + columns[j] @ placed.values
     law = _law(naming, k, j)[measured]
+    x = naming.fitted.along(of)[c.family.against]
+    variance = law**2 @ placed.errors**2
     return Curve(
         title=c.family.title,
         joint=j,
         of=of,
         against=c.family.against,
-        x=naming.fitted.along(of)[c.family.against][measured],
+        x=x[measured],
         learned=law @ placed.values,
-        spread=np.sqrt(law**2 @ placed.errors**2),
-        data=(fitted.residual[:, j, 0] + added)[measured],
+        spread=np.sqrt(variance),
+        data=data[measured],
     )
