@@ -4,12 +4,13 @@ import hashlib
 import os
 import pickle
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
@@ -22,7 +23,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
-from identifiability import Log, Model, Noise, Robot, report, simulate
+from identifiability import IdentifiabilityError, Log, Model, Noise, Robot, report, simulate
 from identifiability.cli import app
 from identifiability.logs import rows, tables
 from identifiability.report import blocks, figures
@@ -188,8 +189,18 @@ def robot(request):
 
 
 @pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+@pytest.fixture
 def rps():
     return load("3-rps")
+
+
+@pytest.fixture(scope="session")
+def two_link():
+    return load("two-link")
 
 
 @pytest.fixture
@@ -224,6 +235,18 @@ def cell(frame, row, column, value):
     frame = frame.astype(object)
     frame.loc[row - 1, column] = value
     return frame
+
+
+@pytest.fixture(scope="session")
+def process():
+    """A function (words, options of `subprocess.run`) -> the ended process with what it printed."""
+    return partial(subprocess.run, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="session")
+def refused():
+    """A function (pattern) -> context that is refused with a sentence that matches."""
+    return lambda pattern: pytest.raises(IdentifiabilityError, match=pattern)
 
 
 @pytest.fixture

@@ -57,7 +57,7 @@ def read_mutants():
     """Return the mutants of all lists."""
     found = []
     for path in sorted(TESTS.glob("mutants/*.toml")):
-        entry = tomllib.loads(path.read_text(encoding="utf-8"))
+        entry = tomllib.loads(path.read_text())
         found += [
             Mutant(**{**item, "tests": tuple(item.get("tests", entry["tests"]))})
             for item in entry["mutants"]
@@ -77,7 +77,7 @@ def find_anchor(text, sources):
 def read_sources(root=ROOT):
     """Return the text of every module and table of the package, by its path below the root."""
     files = [f for ending in ("py", "toml") for f in sorted((root / PACKAGE).rglob(f"*.{ending}"))]
-    return {path.relative_to(root): path.read_text(encoding="utf-8") for path in files}
+    return {path.relative_to(root): path.read_text() for path in files}
 
 
 def find_mistakes(mutants, sources):
@@ -104,7 +104,7 @@ def is_there(test):
     if not name:
         return path.exists()
     start = f"def {name.partition('[')[0]}("
-    return path.is_file() and start in path.read_text("utf-8")
+    return path.is_file() and start in path.read_text()
 
 
 def copy_checkout(folder):
@@ -141,11 +141,11 @@ def try_one(mutant, copies):
     """Put a mutant into a copy that nobody uses, test it, and take it out again."""
     copy = copies.get()
     path = copy / find_anchor(mutant.old, read_sources(copy))
-    clean = path.read_text(encoding="utf-8")
+    clean = path.read_text()
     times = path.stat()
-    path.write_text(clean.replace(mutant.old, mutant.new), encoding="utf-8")
+    path.write_text(clean.replace(mutant.old, mutant.new))
     ended, said = run(copy, mutant.tests, write=False)
-    path.write_text(clean, encoding="utf-8")
+    path.write_text(clean)
     os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
     copies.put(copy)
     return mutant, ended, said

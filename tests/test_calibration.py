@@ -14,6 +14,7 @@ from identifiability.estimation.noise import JointNoise
 from identifiability.foundation.rounding import REACH
 from identifiability.workflows.calibrate.world import Experiment, World, count_outcomes
 
+from .marks import everything
 from .posterior.ranking import build_target, calibrate_posterior
 
 
@@ -95,7 +96,7 @@ def test_the_command_writes_a_report(simulated_session, succeeds, tmp_path):
     [
         (3, 1000),
         # A thousand experiments once gave one of the 37 by chance what six thousand do not show.
-        pytest.param(0, 3000, marks=pytest.mark.everything),
+        everything(0, 3000),
     ],
 )
 def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, replicates):

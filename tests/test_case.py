@@ -30,6 +30,8 @@ from identifiability.regression.regression import LogPart
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows import case as cases
 
+from .marks import everything
+
 refuses = partial(pytest.raises, IdentifiabilityError)
 VERBS = {"analyze": analyze, "diagnose": diagnose, "prune": prune}
 
@@ -115,7 +117,7 @@ def counted(monkeypatch):
 
 @pytest.mark.parametrize(
     "first",
-    [pytest.param("analyze", marks=pytest.mark.everything), "diagnose", "prune"],
+    [everything("analyze"), "diagnose", "prune"],
 )
 def test_verbs_of_one_case_prepare_gather_and_group_once(case, counted, first):
     for verb in sorted(VERBS, key=lambda name: name != first):

@@ -11,6 +11,8 @@ import studies.drawn_hands as hands
 from identifiability import Robot, analyze, export, predict
 from identifiability.report.analysis import analysis_moving
 
+from .marks import everything
+
 FINGER = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"/><worldbody>
 <body name="l1"><joint name="j1" axis="0 1 0" {first} armature=".01"/>
 <inertial pos="0 0 -.1" mass=".3" diaginertia=".001 .001 .0005"/>
@@ -92,7 +94,7 @@ def record(true, seed, seconds):
     "kind, gains",
     [
         ("joint", ""),
-        pytest.param("joint", FIT, marks=pytest.mark.everything),
+        everything("joint", FIT),
         ("mimic", ""),
         ("tendon", ""),
         ("tendon", FIT),

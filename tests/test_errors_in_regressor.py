@@ -12,6 +12,8 @@ from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.regression.structure import Structure
 from identifiability.simulation.simulator import ar1
 
+from .marks import everything
+
 MODEL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 #: δ and η of the paper.
 MOTION, TORQUE = 0.04, 0.05
@@ -50,9 +52,7 @@ def count(robot, log):
     return np.array([len(called), held.sum(), off.sum()])
 
 
-@pytest.mark.parametrize(
-    "kind", ["multiplicative", pytest.param("additive", marks=pytest.mark.everything)]
-)
+@pytest.mark.parametrize("kind", ["multiplicative", everything("additive")])
 def test_labels_hold_along_ten_noisy_periods(simulated_session, kind):
     """Along the motion as measured they held in .76, and 9 of 56 were more than 20 % off."""
     once = simulated_session("3-rps", "601", noise=Noise())

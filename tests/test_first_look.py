@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import subprocess
 import sys
 
 import pytest
@@ -60,7 +59,7 @@ for words, large in json.load(sys.stdin):
 
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory):
+def said(tmp_path_factory, process):
     """What each command of `REFUSED` and `HELPED` writes to its two streams."""
     folder = tmp_path_factory.mktemp("first")
     (folder / "run.csv").write_text("t,q1,tau1\n0,0,0\n")
@@ -71,9 +70,9 @@ def said(tmp_path_factory):
     asked += [([verb, "--help"], [*LARGE, "numpy"]) for verb in HELPED]
     asked.append((["--help"], [*LARGE, "numpy"]))
     asked = json.dumps(asked)
-    done = subprocess.run(
+    done = process(
         [sys.executable, "-c", SCRIPT],
-        cwd=folder, input=asked, capture_output=True, text=True, check=True,
+        cwd=folder, input=asked, check=True,
         env={**os.environ, "COLUMNS": "1000"},
     )  # fmt: skip
     streams = (stream.split("<next>\n")[1:] for stream in (done.stdout, done.stderr))
@@ -159,7 +158,7 @@ def test_a_setting_that_is_typed_as_an_option_is_refused_with_what_to_type(comma
             assert f"{option} is a setting: type --set {setting}." in done.stderr
 
 
-def test_the_library_and_a_robot_are_loaded_without_what_they_do_not_use():
+def test_the_library_and_a_robot_are_loaded_without_what_they_do_not_use(process):
     code = (
         "import sys, identifiability as library\n"
         f"print(*({set(LARGE) | {'numpy'}} & set(sys.modules)))\n"
@@ -168,5 +167,5 @@ def test_the_library_and_a_robot_are_loaded_without_what_they_do_not_use():
         "library.inspect('two-link')\n"
         "print(*({'scipy.stats', 'scipy.optimize', 'cvxpy', 'matplotlib'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = process([sys.executable, "-c", code], check=True)
     assert done.stdout == "\n\n\n"

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from identifiability import IdentifiabilityError, Log, Robot, analyze
+from identifiability import Log, Robot, analyze
 from identifiability.logs.conventions import Conventions
 
 BODY = """<mujoco model="body"><option timestep="0.001" integrator="RK4"/><worldbody>
@@ -153,24 +153,18 @@ def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     assert_allclose(again.base.imu.place, place, atol=2e-3)
 
 
-def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body):
-    with pytest.raises(
-        IdentifiabilityError, match=r"does not say how the base moved.*'base.acc.x'.*fixed"
-    ):
+def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body, refused):
+    with refused(r"does not say how the base moved.*'base.acc.x'.*fixed"):
         read(body, table(thrown))
-    with pytest.raises(IdentifiabilityError, match=r"it has .*gyro\.x, gyro\.y, gyro\.z"):
+    with refused(r"it has .*gyro\.x, gyro\.y, gyro\.z"):
         read(body, table(thrown, g=(axes("base.gyro."), thrown["gyro"])))
-    with pytest.raises(IdentifiabilityError, match=r"it has acc\.x, acc\.y, fx"):
+    with refused(r"it has acc\.x, acc\.y, fx"):
         read(body, table(thrown, **sensor(thrown)).drop(columns="base.acc.z"))
-    with pytest.raises(IdentifiabilityError, match="lacks the column fz of a measured wrench"):
+    with refused("lacks the column fz of a measured wrench"):
         read(body, table(thrown, **sensor(thrown)).drop(columns="fz"))
     bad = {"p": (axes("base."), thrown["pos"]), "q": (axes("base.q", "wxyz"), 1.1 * thrown["quat"])}
-    with pytest.raises(
-        IdentifiabilityError, match=r"quaternion of the base has norm 1\.1 in data row"
-    ):
+    with refused(r"quaternion of the base has norm 1\.1 in data row"):
         read(body, table(thrown, **bad))
     body.path.with_suffix(".toml").write_text('[[contacts]]\nframe = "grip"\nflag = "touch"')
-    with pytest.raises(
-        IdentifiabilityError, match="lacks the column 'touch', which says when the contact"
-    ):
+    with refused("lacks the column 'touch', which says when the contact"):
         read(Robot.load(body.path), table(thrown, **sensor(thrown)))

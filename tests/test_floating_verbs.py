@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import IdentifiabilityError, Robot, analyze, compare, diagnose, export, payload
+from identifiability import Robot, analyze, compare, diagnose, export, payload
 from identifiability.robot.locate import shipped_folder
 
 STUDY = Path(__file__).resolve().parents[1] / "studies/shipped/floating_bases.py"
@@ -34,12 +34,12 @@ def pushed(tmp_path_factory):
     return found, found.to_json(tmp_path_factory.mktemp("cart") / "result.json")
 
 
-def test_an_arm_on_a_cart_that_is_pushed_says_what_it_says_bolted_down(pushed, tmp_path):
+def test_an_arm_on_a_cart_that_is_pushed_says_what_it_says_bolted_down(pushed, tmp_path, refused):
     page = pushed[0].write_report(tmp_path / "page.html").read_text()
     assert 'text">base.x<' not in page  # no motor drives it
     stands = Robot.load("cart-arm", base="fixed")
     held = analyze(stands, log("cart-arm", "bolted.csv"), replicates=50)
-    with pytest.raises(IdentifiabilityError, match=r"no mass of cart: its robot was held"):
+    with refused(r"no mass of cart: its robot was held"):
         export("cart-arm", held, tmp_path / "cart.xml")
     bolted = held.to_frame()
     moved = pushed[0].to_frame()

@@ -1,7 +1,6 @@
 """What is no longer needed is freed at once, without the collector of reference cycles."""
 
 import gc
-import subprocess
 import sys
 from dataclasses import replace
 
@@ -66,5 +65,5 @@ def test_no_large_object_waits_for_the_collector(verb, garbage, simulated_sessio
     assert garbage(run) == []
 
 
-def test_the_command_line_leaves_the_collector_as_python_has_it():
-    subprocess.run([sys.executable, "-c", THRESHOLDS], check=True, capture_output=True)
+def test_the_command_line_leaves_the_collector_as_python_has_it(process):
+    process([sys.executable, "-c", THRESHOLDS], check=True)

@@ -73,7 +73,7 @@ def stray_numbers(prose):
 
 
 def test_every_number_of_the_help_comes_from_the_code():
-    text = (Path(identifiability.__file__).parent / "cli/help.toml").read_text("utf-8")
+    text = (Path(identifiability.__file__).parent / "cli/help.toml").read_text()
     assert stray_numbers("by default 2000, or $refits_quick if quick") == ["2000,"]
     content = tomllib.loads(text)
     every = " ".join([*prose_of(content["verbs"]), *prose_of(content["options"])])

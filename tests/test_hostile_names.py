@@ -18,9 +18,11 @@ import pytest
 from numpy.random import default_rng
 from typer.testing import CliRunner
 
-from identifiability import IdentifiabilityError, Noise, Robot, new_study, simulate
+from identifiability import Noise, Robot, new_study, simulate
 from identifiability.cli import app
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
+
+from .marks import everything
 
 #: Writes the file `hit` if a shell or Python runs it.
 SHELL = "$(touch hit)`touch hit`;touch hit;#"
@@ -60,7 +62,7 @@ def folder(tmp_path, monkeypatch):
 
 def hostile_robot(folder, joints):
     """Write the two-link arm under other names."""
-    text = Robot.load("two-link").path.read_text(encoding="utf-8")
+    text = Robot.load("two-link").path.read_text()
     first, second = joints
     new = {"shoulder": first, "elbow": second, "link1": f"{first}x", "link2": f"{second}y"}
     for old, name in {**new, "two-link": f"{first}z"}.items():
@@ -68,7 +70,7 @@ def hostile_robot(folder, joints):
     path = folder / ROBOT
     path.write_text(text, encoding="utf-8", newline="")
     title = json.dumps(f"{first} {second}")
-    path.with_suffix(".toml").write_text(f"name = {title}\n", encoding="utf-8")
+    path.with_suffix(".toml").write_text(f"name = {title}\n")
     return Robot.load(path)
 
 
@@ -150,7 +152,7 @@ def lines_of(said, folder):
         r"^(?:Next .*?|Begin with): ((?:cd |identifiability ).*)$", said, re.MULTILINE
     )
     for page in folder.glob("*.html"):
-        found += Page(page.read_text(encoding="utf-8")).lines
+        found += Page(page.read_text()).lines
         page.unlink()
     return list(dict.fromkeys(found))
 
@@ -201,7 +203,7 @@ def typed(body):
     "joints",
     [
         NAMES[0],
-        pytest.param(NAMES[1], marks=pytest.mark.everything),
+        everything(NAMES[1]),
         pytest.param(NAMES[2], marks=pytest.mark.pictures),
     ],
 )
@@ -226,15 +228,15 @@ def check_files(folder, robot, monkeypatch):
     """Read what verbs wrote; names that a format cannot hold were refused."""
     assert json.loads((folder / RESULT).read_text())["full_parameters"]
     for name in ("-p.toml", "model.toml"):
-        assert tomllib.loads((folder / name).read_text(encoding="utf-8"))["models"]
+        assert tomllib.loads((folder / name).read_text())["models"]
     made = ET.parse(folder / "fitted.xml").getroot()
     assert {*robot.joints} <= {joint.get("name") for joint in made.iter("joint")}
     assert Robot.load(folder / "fitted.xml").joints == robot.joints
     urdf = folder / "fitted.urdf"
     if urdf.exists():
         assert Robot.load(urdf).joints == robot.joints
-        assert tomllib.loads(urdf.with_suffix(".toml").read_text("utf-8"))["name"] == robot.title
-    patch = (folder / "fitted.patch").read_text("utf-8").split("\n")
+        assert tomllib.loads(urdf.with_suffix(".toml").read_text())["name"] == robot.title
+    patch = (folder / "fitted.patch").read_text().split("\n")
     assert sum(line.startswith(("--- ", "+++ ")) for line in patch) in (2, 4)  # and a sidecar
     assert all(line[:1] in ("", "-", "+", " ", "@", "\\") for line in patch)
     told = {}
@@ -256,10 +258,10 @@ def test_a_new_study_runs_what_it_was_given_and_nothing_else(tmp_path, folder, s
     ((verb, *words),) = shell(line, folder)
     assert [verb, *words] == ["analyze", "--report", "report.html"]
     made = folder / f"-s {SHELL}"
-    assert tomllib.loads(made.joinpath(ROBOT).with_suffix(".toml").read_text("utf-8"))
+    assert tomllib.loads(made.joinpath(ROBOT).with_suffix(".toml").read_text())
     check_script(made / "study.py", made / f"../{LOG}", made / f"../{HELD_OUT}", monkeypatch)
     empty = new_study("empty", f"./{ROBOT}")
-    written = tomllib.loads(empty.folder.joinpath(ROBOT).with_suffix(".toml").read_text("utf-8"))
+    written = tomllib.loads(empty.folder.joinpath(ROBOT).with_suffix(".toml").read_text())
     assert written["name"] == " ".join(NAMES[1])
     assert not (made / "Makefile").exists()
     assert not [*tmp_path.rglob("hit")]
@@ -280,7 +282,7 @@ def check_script(path, fitted, held_out, monkeypatch):
         for name, stub in {"analyze": fit, "diagnose": fit, "export": export}.items():
             patch.setattr(f"identifiability.{name}", stub)
         runpy.run_path(str(path), run_name="__main__")
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= 10
+    assert len(path.read_text().splitlines()) <= 10
     case = seen["case"]
     assert case.robot.path == path.with_name(ROBOT)
     assert (case.logs, case.validate) == ((str(fitted),), (str(held_out),))
@@ -311,8 +313,8 @@ def test_a_hint_quotes_what_it_says_to_type(lost, option, word, tmp_path, monkey
 
 
 @pytest.mark.parametrize("name", ["*", "?", "wrist_*"])
-def test_a_name_that_is_a_pattern_is_refused_with_one_sentence(name, tmp_path):
-    with pytest.raises(IdentifiabilityError, match="stand for other letters in names"):
+def test_a_name_that_is_a_pattern_is_refused_with_one_sentence(name, tmp_path, refused):
+    with refused("stand for other letters in names"):
         hostile_robot(tmp_path, ("a", name))
 
 
@@ -341,7 +343,7 @@ def test_a_path_that_is_no_utf_8_is_copied_to_the_byte(folder, shell):
     for line in lines_of(said, folder):
         for called in shell(line, folder):
             assert name in called
-    assert json.loads((folder / "p.json").read_text(encoding="utf-8"))
+    assert json.loads((folder / "p.json").read_text())
 
 
 def test_a_sidecar_names_nothing_that_runs_code(tmp_path):
@@ -353,7 +355,7 @@ def test_a_sidecar_names_nothing_that_runs_code(tmp_path):
     assert "type --set scheduler=" in call("analyze", path, log, "--quick")
 
 
-def test_an_installed_package_registers_nothing(tmp_path):
+def test_an_installed_package_registers_nothing(tmp_path, process):
     """Only `--plugin` runs a file."""
     groups = ("identifiability", "identifiability.effects", "identifiability.plugins")
     installed = tmp_path / "evil-1.dist-info"
@@ -364,5 +366,5 @@ def test_an_installed_package_registers_nothing(tmp_path):
     (tmp_path / "evil.py").write_text("open('hit', 'w')\n")
     where = {**os.environ, "PYTHONPATH": str(tmp_path)}
     words = [sys.executable, "-m", "identifiability", "inspect", "two-link"]
-    subprocess.run(words, check=True, cwd=tmp_path, env=where, capture_output=True)
+    process(words, check=True, cwd=tmp_path, env=where)
     assert not (tmp_path / "hit").exists()

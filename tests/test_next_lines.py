@@ -4,7 +4,6 @@ import html
 import os
 import re
 import shlex
-import subprocess
 import sys
 from html.parser import HTMLParser
 from itertools import pairwise
@@ -20,6 +19,8 @@ from identifiability import Noise, Robot, new_study, simulate
 from identifiability.cli import app, common
 from identifiability.report.answers.commands import reading_options
 from identifiability.simulation import PrescribedMotion, random_trajectory, shipped_trajectory
+
+from .marks import everything
 
 COMMANDS = vars(typer.main.get_command(app))["commands"]
 
@@ -77,7 +78,7 @@ def call(words):
 def proposed(said, page):
     """Return the lines that the terminal and the page propose, each once, in their order."""
     told = re.findall(r"^Next .*?: (identifiability .*)$", said, re.MULTILINE)
-    copied = re.findall('data-copy="(identifiability [^"]*)"', page.read_text(encoding="utf-8"))
+    copied = re.findall('data-copy="(identifiability [^"]*)"', page.read_text())
     return list(dict.fromkeys([*told, *map(html.unescape, copied)]))
 
 
@@ -108,9 +109,7 @@ def folder(logs, tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    "typed", [t if t in FEW else pytest.param(t, marks=pytest.mark.everything) for t in TYPED]
-)
+@pytest.mark.parametrize("typed", [t if t in FEW else everything(t) for t in TYPED])
 def test_every_line_that_is_proposed_works_where_it_is_printed(typed, folder):
     if "result.json" in typed:
         call(shlex.split(f"analyze {GIVEN} --json result.json"))
@@ -161,7 +160,7 @@ def follow(line):
     "robot",
     [
         "six-dof-arm",
-        *(pytest.param(r, marks=pytest.mark.everything) for r in ("hobby-arm", "quadruped")),
+        *(everything(r) for r in ("hobby-arm", "quadruped")),
     ],
 )
 def test_next_lines_of_a_new_study_end_in_an_exported_robot(robot, tmp_path, monkeypatch):
@@ -180,7 +179,7 @@ def test_next_lines_of_a_new_study_end_in_an_exported_robot(robot, tmp_path, mon
     [
         ("two-link", "stribeck_friction=0.2"),
         *(
-            pytest.param(*own, marks=pytest.mark.everything)
+            everything(*own)
             for own in (
                 ("two-link", ""),
                 ("five-bar", "stribeck_friction=0.2"),
@@ -233,13 +232,13 @@ def test_the_demo_tells_one_story_and_its_next_line_acts_on_it(tmp_path, monkeyp
     assert found.startswith(f"What is missing? {hidden}")
 
 
-def test_a_command_that_is_not_on_the_search_path_is_put_there_first(tmp_path):
+def test_a_command_that_is_not_on_the_search_path_is_put_there_first(tmp_path, process):
     program = Path(sys.executable).with_name("identifiability")
     here = {**os.environ, "PATH": "/usr/bin:/bin"}
     words = [str(program), "inspect", "two-link"]
-    done = subprocess.run(words, cwd=tmp_path, env=here, capture_output=True, text=True, check=True)
+    done = process(words, cwd=tmp_path, env=here, check=True)
     (line,) = re.findall(r"^Next .*?: (\. .*)$", done.stdout, re.MULTILINE)
-    subprocess.run(["sh", "-c", line], cwd=tmp_path, env=here, check=True)
+    process(["sh", "-c", line], cwd=tmp_path, env=here, check=True)
     assert (tmp_path / "study").is_dir()
 
 
@@ -276,7 +275,7 @@ def words(text):
         "payload robot.xml a.csv loaded.csv --mass 1 --centre 0,0,0 --report page.html",
         "analyze --each . --out out",
         *(
-            pytest.param(t, marks=pytest.mark.everything)
+            everything(t)
             for t in (
                 f"diagnose {GIVEN} --report page.html",
                 "calibrate robot.xml a.csv --replicates 4 --report page.html",
@@ -294,7 +293,7 @@ def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
     shown = []
     monkeypatch.setattr(common, "print_table", lambda t, rows, _: shown.append(t.brief(rows)))
     said = call([*shlex.split(typed), "-v"])
-    page = (folder / ("page.html" if "page" in typed else "out/index.html")).read_text("utf-8")
+    page = (folder / ("page.html" if "page" in typed else "out/index.html")).read_text()
     cells = Cells()
     cells.feed(page)
     texts = {words(text) for text in cells.texts}

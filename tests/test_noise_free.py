@@ -10,6 +10,8 @@ from numpy.random import default_rng
 from identifiability import Log, Robot, analyze, diagnose, simulate
 from identifiability.simulation import PrescribedMotion, random_trajectory
 
+from .marks import everything
+
 LINK = """<link name="{}"><inertial><origin xyz="{} 0 {}"/><mass value="{}"/>
 <inertia ixx="0.004" iyy="{}" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
 JOINT = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/>
@@ -108,10 +110,8 @@ PREPARED = [
     ("six-dof-arm", {"noise": 1e-7}, 1e-4),
     ("scara", {"kind": "float32"}, 1e-4),
     ("two-link", {"derivatives": False}, 1e-5),
-    pytest.param("3-rps", {}, 1e-3, marks=pytest.mark.everything),
-    pytest.param(
-        "two-link", {"derivatives": False, "rate": 1000}, 1e-6, marks=pytest.mark.everything
-    ),
+    everything("3-rps", {}, 1e-3),
+    everything("two-link", {"derivatives": False, "rate": 1000}, 1e-6),
 ]
 
 

@@ -9,8 +9,10 @@ from identifiability import Noise, Robot, analyze, simulate
 from identifiability.estimation.verdict import Class
 from identifiability.simulation import random_trajectory
 
+from .marks import everything
 
-@pytest.mark.parametrize("size", [pytest.param(0.0, marks=pytest.mark.everything), 1e-3])
+
+@pytest.mark.parametrize("size", [everything(0.0), 1e-3])
 def test_nearly_noise_free_logs_are_judged_and_right(size):
     """What differences leave of an exact log once looked like slow noise, of few outputs."""
     robot = Robot.load("six-dof-arm")

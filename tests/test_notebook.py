@@ -95,7 +95,7 @@ def test_what_is_not_an_answer_shows_itself_too(kind, results, simulated_session
 def test_the_notebook_of_the_documentation_runs_and_shows_what_it_says():
     """Every cell in a shell of IPython, and what it shows, as a kernel sends it."""
     page = Path(__file__).resolve().parents[1] / "docs" / "tutorials" / "notebook.ipynb"
-    cells = json.loads(page.read_text(encoding="utf-8"))["cells"]
+    cells = json.loads(page.read_text())["cells"]
     assert not any(cell.get("outputs") for cell in cells)  # what is shown is made anew
     shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
     shown = {}
@@ -187,7 +187,7 @@ def test_a_remedy_speaks_python_in_python_and_options_at_a_terminal(results):
 
 
 def test_a_page_begins_with_the_values_of_each_joint(results, tmp_path):
-    page = results["analysis"].write_report(tmp_path / "page.html").read_text(encoding="utf-8")
+    page = results["analysis"].write_report(tmp_path / "page.html").read_text()
     sections = re.findall(r'<section[^>]*id="([\w-]+)"', page)
     assert sections[0] == "values"
     own = page[page.index('id="values"') : page.index('id="prediction"')]

@@ -14,6 +14,8 @@ from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.output import plain
 from identifiability.regression.reduction import DEFAULT_EFFECTS
 
+from .marks import everything
+
 #: Samples times joints of a log, at most: a larger one asks nothing else.
 MOST = 100_000
 
@@ -169,7 +171,7 @@ def ask(odd, folder):
 
 @pytest.mark.parametrize(
     "robots, joints, most",
-    [(6, 2.0, 3_000), pytest.param(40, 8.0, 30_000, marks=pytest.mark.everything)],
+    [(6, 2.0, 3_000), everything(40, 8.0, 30_000)],
 )
 def test_odd_robots_have_an_answer_and_intervals_that_hold(robots, joints, most, tmp_path):
     called = wrong = answered = 0

@@ -132,7 +132,7 @@ def lines():
 
 
 def test_the_public_interface_is_the_pinned_one():
-    pinned = PIN.read_text(encoding="utf-8").splitlines()
+    pinned = PIN.read_text().splitlines()
     found = lines()
     gone = [line for line in pinned if line not in found]
     new = [line for line in found if line not in pinned]

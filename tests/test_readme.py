@@ -49,7 +49,7 @@ FEW = {
 
 def blocks(page):
     """Line, language and text of the fenced blocks of a page."""
-    text = page.read_text(encoding="utf-8")
+    text = page.read_text()
     for found in re.finditer(r"^```(\w+)\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
         yield text.count("\n", 0, found.start()) + 2, found[1], found[2]
 
@@ -125,7 +125,7 @@ def test_the_readme_runs_from_top_to_bottom(tmp_path):
     assert "Error on unseen motion" in said  # the decision
     assert "Stribeck friction in joint_2" in said  # what the logs have and the robot file has not
     for name in ("report.html", "inspection.html", "better.html"):
-        page = (tmp_path / "study" / name).read_text(encoding="utf-8")
+        page = (tmp_path / "study" / name).read_text()
         assert page.rstrip().endswith("</html>")
     for name in ("torque.csv", "fitted.xml", "again.csv", "result.json"):
         assert (tmp_path / "study" / name).is_file()
@@ -147,7 +147,7 @@ def test_only_rounding_may_be_otherwise():
 
 
 def test_the_readme_is_short_and_begins_with_a_picture_and_two_commands():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = (ROOT / "README.md").read_text()
     assert len(text.splitlines()) <= 90
     first, second, study, *_ = (block for _, _, block in blocks(ROOT / "README.md"))
     assert lines(first) == [*CHECKOUT]
@@ -159,7 +159,7 @@ def test_the_readme_is_short_and_begins_with_a_picture_and_two_commands():
 
 
 #: What each picture shows, as docs/pictures.py wrote it beside them.
-PICTURED = json.loads((ROOT / "docs/images/pictures.json").read_text(encoding="utf-8"))
+PICTURED = json.loads((ROOT / "docs/images/pictures.json").read_text())
 
 
 def said_in(text):
@@ -183,7 +183,7 @@ def test_figures_of_the_readme_are_those_of_its_pictures():
         "29 of 52",
         "1.2",
     }
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = (ROOT / "README.md").read_text()
     study = text.partition("## From URDF and CSV")[2].partition("\n## ")[0]
     shown = " ".join(s for n in ("arm", "missing") for s in answers_in(f"page-{n}.png").values())
     assert len(said_in(study)[1]) >= 3
@@ -224,7 +224,7 @@ def test_a_picture_shows_the_answers_of_today(page, tmp_path, monkeypatch):
 def shown_commands():
     """Every ``identifiability …`` of the pages and of the commands' own help."""
     told = [line for page in PAGES for _, kind, text in blocks(page) for line in lines(text)]
-    readme = PAGES[0].read_text(encoding="utf-8")
+    readme = PAGES[0].read_text()
     told += re.findall(r"\| `(identifiability [^`]+)` \|", readme)
     told += [line.strip() for c in COMMANDS.values() for line in (c.help or "").splitlines()]
     return {line for line in told if line.startswith("identifiability ")}
@@ -246,7 +246,7 @@ def test_commands_that_are_shown_can_be_typed(monkeypatch):
 
 
 def test_every_command_has_a_place_in_the_documentation():
-    told = " ".join(page.read_text(encoding="utf-8") for page in PAGES)
+    told = " ".join(page.read_text() for page in PAGES)
     for name in COMMANDS:
         assert f"`{name}" in told or f"identifiability {name} " in told, name
 
@@ -256,7 +256,7 @@ READ = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "llms.txt"]
 
 @pytest.mark.parametrize("page", READ, ids=lambda p: str(p.relative_to(ROOT)))
 def test_links_and_paths_lead_somewhere(page):
-    text = page.read_text(encoding="utf-8")
+    text = page.read_text()
     for path in re.findall(r"`((?:identifiability|models|studies)/[\w./-]+\.\w+)`", text):
         assert (ROOT / path).exists()
     for path in re.findall(r"\]\(([^)#]+)(?:#[\w-]*)?\)", text):
@@ -267,14 +267,14 @@ def write_anew(page):
     """Write what a page's Python prints into its blocks of text."""
     with tempfile.TemporaryDirectory() as folder:
         said = (said for said, printed in run(page, Path(folder), quick=False) if printed)
-    text = page.read_text(encoding="utf-8")
+    text = page.read_text()
     new = re.sub(
         r"^```text\n.*?^```",
         lambda _: f"```text\n{next(said)}```",
         text,
         flags=re.MULTILINE | re.DOTALL,
     )
-    page.write_text(new, encoding="utf-8")
+    page.write_text(new)
 
 
 if __name__ == "__main__":  # python tests/test_readme.py docs/tutorials/decision.md

@@ -15,7 +15,9 @@ from identifiability.robot.sidecar import MeasuredTorque
 from identifiability.simulation.motion import find_motion
 from studies.drawn_robots import draw_arm
 
-EVERY = [pytest.param(seed, marks=pytest.mark.everything) for seed in (0, 1, 2, 3, 5)]
+from .marks import everything
+
+EVERY = [everything(seed) for seed in (0, 1, 2, 3, 5)]
 
 
 def simulate_currents(seed, folder):

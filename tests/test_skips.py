@@ -1,7 +1,6 @@
 """Skips are listed in one line with their reasons; in CI each is a failure."""
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -40,20 +39,17 @@ def test_nothing():
 
 
 @pytest.fixture(params=[(), ("--numprocesses", "2")])
-def run(request, tmp_path):
+def run(request, tmp_path, process):
     """A function CI -> exit code and last lines of a run of tests that skip."""
     for name, text in SKIPPING.items():
         (tmp_path / name).write_text(text)
 
     def outcome(ci):
         words = ["-p", "skips", "-q", "--continue-on-collection-errors", *request.param]
-        done = subprocess.run(
+        done = process(
             [sys.executable, "-m", "pytest", *words, "--rootdir", str(tmp_path), str(tmp_path)],
             env=os.environ | {"CI": ci, "PYTHONPATH": str(HERE), "PYTEST_ADDOPTS": ""},
             cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
         )
         return done.returncode, done.stdout
 

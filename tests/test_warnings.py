@@ -20,6 +20,8 @@ from identifiability.report.answers.common import (
     state_uneven_log,
 )
 
+from .marks import everything
+
 RUNS = ("run1.csv", "run2.csv", "run3.csv")
 GIVEN = "robot.urdf run1.csv run2.csv --validate run3.csv"
 #: What is never said above a warning.
@@ -66,7 +68,7 @@ VERBS = ("analyze", "diagnose", "prune")
 PLANTED = [*zip(FAULTS, cycle(VERBS[:2]), strict=False)]
 LONGER = [pair for pair in product(FAULTS, VERBS) if pair not in PLANTED]
 LONGER += [(fault, "predict") for fault in ("a dead column", "another unit")]
-ALSO = pytest.param("analyze", marks=pytest.mark.everything)
+ALSO = everything("analyze")
 
 
 def call(typed):
@@ -78,7 +80,7 @@ def call(typed):
 
 def text_of(page):
     """Return what the first screen of a page says, without tags."""
-    first = page.read_text(encoding="utf-8").partition("</header>")[0].partition("<body>")[2]
+    first = page.read_text().partition("</header>")[0].partition("<body>")[2]
     plain = html.unescape(re.sub(r"<[^>]*>", "", first))
     return " ".join(plain.split())
 
@@ -91,9 +93,7 @@ def study(tmp_path, monkeypatch):
     return folder
 
 
-@pytest.mark.parametrize(
-    "fault, verb", [*PLANTED, *(pytest.param(*x, marks=pytest.mark.everything) for x in LONGER)]
-)
+@pytest.mark.parametrize("fault, verb", [*PLANTED, *(everything(*x) for x in LONGER)])
 def test_a_fault_is_printed_and_lowers_the_answers(fault, verb, study):
     plant, says = FAULTS[fault]
     plant(study)

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from identifiability import Noise, Robot
@@ -101,8 +100,3 @@ def refuses(refused, write):
         return refused("analyze", robot, log, "--json", write("old.json", OLD), *options)
 
     return run
-
-
-@pytest.fixture
-def rng():
-    return np.random.default_rng(0)

@@ -2,22 +2,19 @@
 
 import json
 
-import numpy as np
-
 from identifiability import Robot, simulate
 from identifiability.robot.locate import locate_robot
 from identifiability.simulation import random_trajectory
 
 
-def test_spaces_accents_and_tags_pass_through_and_no_tag_is_run(tmp_path, command):
+def test_spaces_accents_and_tags_pass_through_and_no_tag_is_run(tmp_path, command, rng):
     folder = tmp_path / "ein Ordner & mehr"
     folder.mkdir()
     path, out, report = (folder / name for name in ("röbot 1.xml", "out.json", "<b>.html"))
     text = locate_robot("two-link").read_text()
     text = text.replace('"elbow"', '"&lt;script>alert(1)&lt;/script> ü"')
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text)
     robot = Robot.load(path)
-    rng = np.random.default_rng(0)
     log = simulate(robot, random_trajectory(robot, rng, samples=100)).write(folder / "lög 1.csv")
     done = command("analyze", path, log, "--json", out, "--report", report, "--quick")
     assert done.exit_code == 0, done.output

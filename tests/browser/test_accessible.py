@@ -18,7 +18,7 @@ DEFAULT = (("analysis", 400), ("pruning", 1280))
 def axe():
     """The script of axe-core, which comes with a package."""
     package = pytest.importorskip("axe_playwright_python", reason="needs the extra 'browser'")
-    return (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+    return (Path(package.__file__).parent / "axe.min.js").read_text()
 
 
 @pytest.mark.parametrize("kind, width", DEFAULT)

@@ -125,7 +125,7 @@ def test_a_link_of_the_contents_leads_to_its_section(seen):
 def test_every_line_to_copy_is_a_command_with_options_that_it_has(reports):
     lines = set()
     for page in map(reports.__getitem__, ("analysis", "comparison", "pruning")):
-        texts = re.findall(r'data-copy="([^"]*)"', page.read_text(encoding="utf-8"))
+        texts = re.findall(r'data-copy="([^"]*)"', page.read_text())
         lines |= {part for text in texts for part in html.unescape(text).split(" && ")}
     assert len({line.split()[1] for line in lines}) >= 4
     for line in lines:

@@ -210,7 +210,7 @@ def test_the_command_answers_first_and_writes_what_was_asked(succeeds, tmp_path)
     told = json.loads(data.read_text())
     assert [c["what"] for c in told["changes"]] == ["friction of elbow"]
     assert told["days"] == ["2023-11-14", "2024-03-09"]
-    text = page.read_text("utf-8")
+    text = page.read_text()
     assert "Friction of elbow rose" in text
     assert "friday.csv (2024-03-09)" in text
     assert text.count("were read in seconds") == 1

@@ -15,12 +15,6 @@ from identifiability.workflows.diagnose.forward import Physical, compare_forward
 from identifiability.workflows.diagnose.problem import fit_structure
 from identifiability.workflows.diagnose.result import fit_physical
 
-
-@pytest.fixture(scope="module")
-def two_link():
-    return Robot.load("two-link")
-
-
 BASE = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 

@@ -8,7 +8,6 @@ from functools import partial
 import cloudpickle
 import pytest
 
-from identifiability import IdentifiabilityError
 from identifiability.foundation import engines as clusters
 from identifiability.foundation.engines import Serial, choose_engine
 
@@ -48,17 +47,17 @@ def test_what_a_lost_worker_did_is_done_by_another(cluster, work, tmp_path):
 
 
 @needs_dask
-def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypatch):
+def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypatch, refused):
     monkeypatch.setattr(cluster.workers.scheduler, "allowed_failures", 1)
-    with pytest.raises(IdentifiabilityError, match="died again and again on the same item"):
+    with refused("died again and again on the same item"):
         list(cluster.map(work.end, range(2)))
 
 
 @needs_dask
-def test_workers_with_another_program_are_refused(cluster, monkeypatch):
+def test_workers_with_another_program_are_refused(cluster, monkeypatch, refused):
     module = sys.modules["identifiability.foundation.engines"]
     monkeypatch.setattr(module, "source_digest", lambda name: str(os.getpid()))
-    with pytest.raises(IdentifiabilityError, match="do not have this version of identifiability"):
+    with refused("do not have this version of identifiability"):
         choose_engine(scheduler=cluster.client.scheduler.address)
 
 
@@ -79,17 +78,17 @@ def test_a_module_of_a_study_is_sent_to_workers(cluster, tmp_path, monkeypatch):
 
 
 @needs_dask
-def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
+def test_a_scheduler_that_is_not_there_is_said(monkeypatch, refused):
     assert clusters.PATIENCE <= 10
     monkeypatch.setattr(clusters, "PATIENCE", 1.0)
     with socket.socket() as taken:  # bound, never listening: nobody answers
         taken.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(IdentifiabilityError, match=f"no Dask scheduler at '{address}'"):
+        with refused(f"no Dask scheduler at '{address}'"):
             choose_engine(scheduler=address)
 
 
-def test_without_dask_one_sentence_says_what_to_install(monkeypatch):
+def test_without_dask_one_sentence_says_what_to_install(monkeypatch, refused):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(IdentifiabilityError, match=r"in a checkout pip install '.\[dist"):
+    with refused(r"in a checkout pip install '.\[dist"):
         choose_engine(scheduler="tcp://a:1")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability import Model, Robot, excite
+from identifiability import Model, excite
 from identifiability.robot import complete_motion
 
 
@@ -41,8 +41,3 @@ def paper(pytestconfig):
 @pytest.fixture(scope="session")
 def arm():
     return excite("six-dof-arm", evaluations=1500)
-
-
-@pytest.fixture(scope="session")
-def two_link():
-    return Robot.load("two-link")

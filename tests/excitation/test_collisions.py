@@ -109,9 +109,8 @@ def test_the_cost_of_coming_near_has_the_slope_that_it_says(curling):
     assert (high - low) / 1e-3 == pytest.approx(size, rel=0.1)
 
 
-def test_where_there_are_no_shapes_that_is_said(tmp_path):
-    robot = Robot.load("two-link")  # whose shapes are drawn and do not collide
-    said = excite(robot, evaluations=1).hints
+def test_where_there_are_no_shapes_that_is_said(tmp_path, two_link):
+    said = excite(two_link, evaluations=1).hints  # its shapes are drawn and do not collide
     assert any("has no shapes that can collide" in text for text in said)
     path = tmp_path / "arm.urdf"
     mesh = '<collision><geometry><mesh filename="away.stl"/></geometry></collision>'

@@ -51,10 +51,9 @@ def test_a_file_holds_what_is_best_without_the_function(learned):
     assert np.abs(curve).max() < 3 * np.abs(result.samples[0].tau[:, 1]).max()
 
 
-def test_no_term_gets_a_sign_that_physics_forbids():
-    robot = Robot.load("two-link")
-    structure = Structure.of(robot, Model.of(*USUAL, FUNCTIONS[0]))
-    W = structure.model.regressor(robot, prepare_log(robot, make_log(robot)).motion)
+def test_no_term_gets_a_sign_that_physics_forbids(two_link):
+    structure = Structure.of(two_link, Model.of(*USUAL, FUNCTIONS[0]))
+    W = structure.model.regressor(two_link, prepare_log(two_link, make_log(two_link)).motion)
     R = W.reshape(-1, W.shape[2])
     phi = np.zeros(W.shape[2])
     (own,) = list_functions(structure)

@@ -13,6 +13,7 @@ from identifiability import Noise, Robot, analyze, export, simulate
 from identifiability.simulation.motion import find_motion
 from studies.drawn_robots import draw_arm
 
+from ..marks import everything
 from .conftest import error_ra, torque_outside
 
 #: Torque along a joint, or a motor that drives several, of what a URDF cannot hold.
@@ -25,14 +26,14 @@ BESIDE = {
 
 
 NAMES = ["two-link", "six-dof-arm", "five-bar", "scara", "differential-wrist"]
-NAMES += [pytest.param("dvrk-mtm", marks=pytest.mark.everything), "dvrk-psm", "RRR", "RPRRR"]
+NAMES += [everything("dvrk-mtm"), "dvrk-psm", "RRR", "RPRRR"]
 
 
 def errors_outside(robot, result, folder):
     """Return the errors of the file by each engine, and of file and sidecar, on unseen motion."""
     exported = export(robot, result, folder / f"fit{robot.path.suffix}", force=True)
     copy, (samples,) = Robot.load(exported.robot), result.validation
-    told = {} if exported.sidecar is None else tomllib.loads(exported.sidecar.read_text("utf-8"))
+    told = {} if exported.sidecar is None else tomllib.loads(exported.sidecar.read_text())
     motors = told.get("transmission", {"motors": (), "coupling": ()})
     along = dict(zip(motors["motors"], map(np.array, motors["coupling"]), strict=True))
     along |= dict(zip(robot.joints, np.eye(len(robot.joints)), strict=True))

@@ -88,16 +88,15 @@ def told(tmp_path_factory):
     return result, result.to_json(folder / "result.json"), logs[1]
 
 
-def test_friction_that_differs_by_direction_is_a_mean_and_an_offset(tmp_path):
-    robot = Robot.load("two-link")
-    levels = {**robot.nominal, **LEVELS}
+def test_friction_that_differs_by_direction_is_a_mean_and_an_offset(tmp_path, two_link):
+    levels = {**two_link.nominal, **LEVELS}
     levels.pop("shoulder.Fc")
-    written = write_parameters(robot, levels, tmp_path / "two.xml")
+    written = write_parameters(two_link, levels, tmp_path / "two.xml")
     assert written.beside == ()
     copy = Robot.load(written.robot)
     assert (copy.nominal["shoulder.Fc"], copy.nominal["shoulder.off"]) == (2.0, 2.5)
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 50)
-    given = simulate(robot, motion, parameters=LEVELS).tau
+    motion = PrescribedMotion.of(shipped_trajectory(two_link, "a"), 50)
+    given = simulate(two_link, motion, parameters=LEVELS).tau
     assert_allclose(simulate(copy, motion).tau, given, atol=AGREE * np.abs(given).max())
 
 

@@ -10,6 +10,7 @@ from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion
 from identifiability.workflows.export import write_parameters
 
+from ..marks import everything
 from ..roads import nominal_torque
 
 ARM = """<mujoco><compiler angle="radian"/><worldbody><body name="base" quat="0 1 0 0" pos="1 2 3">
@@ -64,9 +65,7 @@ CASES = ("3-rps", "five-bar", "coupled", "locked", "tendon")
 LONG = ("3-rrr", "palletizer", "six-ups", "delta", "six-dof-arm", "two-link", "more equations")
 
 
-@pytest.mark.parametrize(
-    "name", [*CASES, *(pytest.param(n, marks=pytest.mark.everything) for n in LONG)]
-)
+@pytest.mark.parametrize("name", [*CASES, *(everything(n) for n in LONG)])
 def test_there_and_back_it_is_the_same_robot(name, tmp_path):
     robot = load(name, tmp_path)
     wide = random_motion(robot, np.random.default_rng(0), 20)

@@ -30,16 +30,17 @@ def torque(robot, motion):
 
 
 @pytest.mark.parametrize("title", OWN)
-def test_file_and_snippet_have_the_torque_of_file_and_sidecar(title, tmp_path, monkeypatch):
-    robot = Robot.load("two-link")
+def test_file_and_snippet_have_the_torque_of_file_and_sidecar(
+    title, tmp_path, monkeypatch, two_link
+):
     effect = OWN[title]
-    names = [p.name for p in effect.parameters(robot) if p.name.startswith("elbow.")]
+    names = [p.name for p in effect.parameters(two_link) if p.name.startswith("elbow.")]
     sizes = {name: 0.4 + 0.3 * k for k, name in enumerate(names)}
-    written = write_parameters(robot, {**robot.nominal, **sizes}, tmp_path / "fit.xml")
+    written = write_parameters(two_link, {**two_link.nominal, **sizes}, tmp_path / "fit.xml")
     if written.sidecar is None:
         return  # the file holds it
     whole, alone = (
-        _reread(robot, written.robot, written.sidecar, alone=flag) for flag in (False, True)
+        _reread(two_link, written.robot, written.sidecar, alone=flag) for flag in (False, True)
     )
     path, found = write_snippet(whole, alone, tmp_path / "fit_torque.py")
     if path is None:
@@ -47,8 +48,8 @@ def test_file_and_snippet_have_the_torque_of_file_and_sidecar(title, tmp_path, m
         return
     assert found == [title]
     add = runpy.run_path(str(path))["add_torque"]
-    move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
-    motion = complete_motion(robot, move.t, move.q, move.dq, move.ddq)
+    move = PrescribedMotion.of(shipped_trajectory(two_link, "a"), 300)
+    motion = complete_motion(two_link, move.t, move.q, move.dq, move.ddq)
     stated = torque(whole, motion)
     load = roads.load_mujoco
 

@@ -45,12 +45,11 @@ def test_a_written_file_has_the_torque_of_the_model_by_both_roads(name, ending, 
     assert np.abs(tau - rigid_torque(robot, motion)).max() > 1e-3 * scale
 
 
-def test_a_small_tilt_among_the_values_is_gravity_in_the_file(tmp_path):
-    robot = Robot.load("two-link")
+def test_a_small_tilt_among_the_values_is_gravity_in_the_file(tmp_path, two_link):
     values = {"base.tilt1": 0.02, "base.tilt2": -0.01}
-    written = write_parameters(robot, values, tmp_path / "copy.xml")
+    written = write_parameters(two_link, values, tmp_path / "copy.xml")
     assert not written.beside
-    g, (first, second) = robot.gravity, horizontal_axes(robot.gravity)
+    g, (first, second) = two_link.gravity, horizontal_axes(two_link.gravity)
     expected = turn(g, 0.02 * first - 0.01 * second)
     assert_allclose(Robot.load(written.robot).gravity, expected, atol=1e-12)
     assert np.linalg.norm(expected) == pytest.approx(np.linalg.norm(g))

@@ -322,7 +322,7 @@ def _is_number(value):
 
 def check(verb, *, exact=False):
     """Return where today's result differs from the golden one."""
-    old = json.loads(stored(verb).read_text(encoding="utf-8"))
+    old = json.loads(stored(verb).read_text())
     compared = Comparison(OF_SEARCH.get(verb, OF_NUMBER), exact)
     return compared.differences(old, make(verb), verb)
 
@@ -443,7 +443,7 @@ def main():
         print(verb, good if not lost else f"{len(lost)} differences: {lost[:5]}", flush=True)
         if asked.what == "write" and not lost:
             text = json.dumps(make(verb), sort_keys=True, indent=0)
-            stored(verb).write_text(text + "\n", encoding="utf-8")
+            stored(verb).write_text(text + "\n")
     return int(changed > 0)
 
 

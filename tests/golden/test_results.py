@@ -3,7 +3,6 @@
 import copy
 import json
 import os
-import subprocess
 import sys
 
 import pytest
@@ -112,18 +111,15 @@ def test_log_odds_may_differ_by_a_fiftieth_of_a_nat_wherever_they_stand():
     assert golden.Comparison().differences(rows, moved) != []
 
 
-def test_the_plain_processor_is_one_that_numpy_can_be():
+def test_the_plain_processor_is_one_that_numpy_can_be(process):
     """NumPy refuses names that it was not built with, and warns of those that are not here."""
     look = (
         "import numpy._core._multiarray_umath as m;"
         "print([x for x in m.__cpu_dispatch__ if m.__cpu_features__[x]])"
     )
-    done = subprocess.run(
+    done = process(
         [sys.executable, "-W", "error", "-c", look],
         env=os.environ | golden.plain_environment(),
-        capture_output=True,
-        text=True,
-        check=False,
     )
     assert done.stderr == ""
     assert done.stdout.strip() == "[]"

@@ -11,6 +11,7 @@ import pytest
 from identifiability import Log, Robot
 from identifiability.foundation.names import shorten_paths
 
+from ..marks import everything
 from ..test_next_lines import call
 
 ROBOT = "my arm/two link.xml"
@@ -44,7 +45,7 @@ def folder(tmp_path, simulated, states, write_bag, monkeypatch):
 
 @pytest.mark.parametrize(
     "logs",
-    [BAGS, *(pytest.param(x, marks=pytest.mark.everything) for x in (EQUAL_NAMES, APART))],
+    [BAGS, *(everything(x) for x in (EQUAL_NAMES, APART))],
 )
 def test_every_log_counts_and_what_is_proposed_runs_as_it_is_printed(logs, folder):
     fitted, held = logs
@@ -56,7 +57,7 @@ def test_every_log_counts_and_what_is_proposed_runs_as_it_is_printed(logs, folde
     told = json.loads((folder / "result.json").read_text())
     assert [row["log"] for row in told["errors"]["logs"]] == [*fitted, *held]
     assert {f"sha256 {path}" for path in (*fitted, *held)} <= told["provenance"].keys()
-    page = (folder / "page.html").read_text(encoding="utf-8")
+    page = (folder / "page.html").read_text()
     assert all(f">{x}<" in page for x in shorten_paths([*fitted, *held]))
     copied = [html.unescape(x) for x in re.findall('data-copy="identifiability ([^"]*)"', page)]
     assert re.findall(r"^Next .*?: identifiability (.*)$", said, re.MULTILINE) == copied[:1]

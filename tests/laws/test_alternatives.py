@@ -16,6 +16,8 @@ from identifiability.simulation import random_trajectory
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.predict import read_fit
 
+from ..marks import everything
+
 
 @pytest.mark.parametrize("order", range(5))
 def test_lagged_products_whiten_as_rows_do_whatever_the_lengths_of_stretches(order):
@@ -45,7 +47,7 @@ def logs(simulated_session):
     return make
 
 
-@pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.everything), 0.9, 0.98])
+@pytest.mark.parametrize("rho", [everything(0.0), 0.9, 0.98])
 def test_slow_noise_is_no_effect(logs, rho):
     for seed in range(3):
         found = analyze("two-link", logs(rho, seed), replicates=20)

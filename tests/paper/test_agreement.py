@@ -37,16 +37,16 @@ def test_a_card_is_green_only_where_every_number_agrees(result, tone, tmp_path):
     page = write_study(result, tmp_path)[-1]
     index = write_index(tmp_path)
     for path in (page, index):
-        cards = re.findall(r'<div class="tone-(\w+)">', path.read_text(encoding="utf-8"))
+        cards = re.findall(r'<div class="tone-(\w+)">', path.read_text())
         assert cards == [tone], path.name
 
 
 def test_a_card_counts_what_is_required_and_what_differs(tmp_path):
     data, page = write_study(study(PASS, PASS, DIFFERS, cell=CELL), tmp_path)
-    text = page.read_text(encoding="utf-8")
+    text = page.read_text()
     assert "All 2 required checks pass." in text
     assert "1 printed number differs, with its reason. 1 cannot be compared." in text
-    stored = json.loads(data.read_text(encoding="utf-8"))
+    stored = json.loads(data.read_text())
     assert (stored["verdict"], stored["differing"], stored["not_comparable"]) == ("partly", 1, 1)
 
 

@@ -9,7 +9,7 @@ import pytest
 from exam import contract
 from exam.score import Case, score
 
-from identifiability import IdentifiabilityError, Robot
+from identifiability import IdentifiabilityError
 from identifiability.workflows.case_file import CaseFile
 
 WRITE = "import sys, pathlib\npathlib.Path(sys.argv[2], 'result.json').write_text({!r})\n"
@@ -56,14 +56,13 @@ def test_a_refusal_is_listed_with_its_reason_and_a_broken_answer_fails(case):
     assert run(case, guess=1)["status"] == "failed"
 
 
-def test_a_truth_of_a_joint_that_the_robot_lacks_is_refused(case):
-    robot = Robot.load("two-link")
-    assert CaseFile.read(case.folder).read_truth(robot).parameters == {"shoulder.Fv": 2.0}
+def test_a_truth_of_a_joint_that_the_robot_lacks_is_refused(case, two_link):
+    assert CaseFile.read(case.folder).read_truth(two_link).parameters == {"shoulder.Fv": 2.0}
     (case.folder / "truth.toml").write_text('[parameters]\n"joint_9.Fv" = 2.0\n')
     with pytest.raises(IdentifiabilityError, match=r"joint_9\.Fv"):
-        CaseFile.read(case.folder).read_truth(robot)
+        CaseFile.read(case.folder).read_truth(two_link)
 
 
 def test_the_schema_is_that_of_the_contract():
     path = Path(contract.__file__).with_name("result.schema.json")
-    assert path.read_text(encoding="utf-8") == contract.schema_text()
+    assert path.read_text() == contract.schema_text()

@@ -9,6 +9,8 @@ from readings_faults import FAULTS, draw, folder_name, plant, plant_fault
 from identifiability import analyze
 from identifiability.reading import Reading
 
+from ..marks import everything
+
 NUMBER, ARM = 2, "two-link"
 #: A draw of a planar closed chain that stands level.
 LEVEL = 16
@@ -39,8 +41,8 @@ def test_a_drawn_arm_is_read_as_it_was_logged(drawn, tmp_path, row, logs, outcom
 @pytest.mark.parametrize(
     "stream, row, number, outcome",
     [
-        pytest.param("0", "unit of one", 1, "question", marks=pytest.mark.everything),
-        pytest.param("0", "magnitudes", 4, "question", marks=pytest.mark.everything),
+        everything("0", "unit of one", 1, "question"),
+        everything("0", "magnitudes", 4, "question"),
         # Smooth functions of two logs contain the offsets of both.
         ("0", "offsets by log", 6, "right"),
         # A tilt explains the zero of an inner joint, but not as well.

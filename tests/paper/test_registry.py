@@ -2,7 +2,6 @@
 
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,7 +13,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "studies"
 
 
 def test_no_study_is_outside_the_registry_and_there_are_not_more():
-    texts = {p.stem: p.read_text(encoding="utf-8") for p in FOLDER.glob("*.py")}
+    texts = {p.stem: p.read_text() for p in FOLDER.glob("*.py")}
     written = {
         name for name, text in texts.items() if "study_parser(" in text or "run_script(" in text
     }
@@ -33,27 +32,25 @@ def test_every_study_has_one_sentence_and_names_of_its_own():
         assert study.asks.count("?") == 1
 
 
-def test_the_library_finds_studies_without_a_path(tmp_path):
+def test_the_library_finds_studies_without_a_path(tmp_path, process):
     """Run outside of the checkout, in a process that knows nothing of the folder."""
     words = ["-m", "identifiability", "paper", "slips", "--quick", "--out", str(tmp_path)]
     env = os.environ | {"PYTHONPATH": str(FOLDER.parent)}
-    done = subprocess.run(
-        [sys.executable, *words], cwd=tmp_path, env=env, capture_output=True, text=True, check=False
-    )
+    done = process([sys.executable, *words], cwd=tmp_path, env=env)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "paper_slips.html").stat().st_size > 10_000
 
 
 @pytest.mark.everything
 @pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.name)
-def test_a_study_runs_in_short_and_writes_its_page(study, tmp_path):
+def test_a_study_runs_in_short_and_writes_its_page(study, tmp_path, process):
     if study.data and not data_folder(study.data).is_dir():
         pytest.skip(f"no data in {data_folder(study.data)}; set {VARIABLE}")
     words = [sys.executable, FOLDER, study.name, "--quick", "--workers", "1", "--out", tmp_path]
     env = os.environ | {"PYTHONPATH": str(FOLDER.parent)}
-    done = subprocess.run(words, env=env, capture_output=True, text=True, check=False)
+    done = process(words, env=env)
     assert done.returncode == 0, done.stderr
-    page = (tmp_path / f"{study.name}.html").read_text(encoding="utf-8")
+    page = (tmp_path / f"{study.name}.html").read_text()
     assert "<h1>" in page
     assert len(page) > 10_000
     assert not re.search(r'(src|href)="https?:', page)

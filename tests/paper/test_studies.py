@@ -25,8 +25,8 @@ def test_a_quick_study_passes_and_writes_its_page(name, tmp_path):
     assert not [c.name for c in result.checks if not c.passed and not c.reason]
     data, page = write_study(result, tmp_path)
     assert find_statement(page) == result.statement
-    assert not re.search(r'(src|href)="https?:', page.read_text(encoding="utf-8"))
-    content = json.loads(data.read_text(encoding="utf-8"))
+    assert not re.search(r'(src|href)="https?:', page.read_text())
+    content = json.loads(data.read_text())
     assert content["passed"] is True
     assert len(content["checks"]) == len(result.checks)
 
@@ -37,7 +37,7 @@ def test_the_index_links_every_report_with_its_result(tmp_path):
     )
     run_studies(["table_1_base_parameters", "paper_slips"], QUICK, tmp_path)
     write_index(tmp_path)
-    text = (tmp_path / "index.html").read_text(encoding="utf-8")
+    text = (tmp_path / "index.html").read_text()
     for name in ("table_1_base_parameters", "paper_slips", "demo"):
         assert f'href="{name}.html"' in text
     assert "Nine of ten are known." in text

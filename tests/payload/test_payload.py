@@ -229,7 +229,7 @@ def test_the_command_answers_first_and_writes_what_was_asked(
     content = json.loads(data.read_text())
     by = {q["name"]: q for q in content["quantities"]}
     assert by["mass"]["low"] < 1.52 < by["mass"]["high"]
-    assert "hangs on link_6" in page.read_text("utf-8")
+    assert "hangs on link_6" in page.read_text()
 
 
 def test_bodies_and_results_that_do_not_fit_are_refused(fit, make_logs):

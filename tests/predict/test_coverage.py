@@ -6,10 +6,12 @@ import pytest
 from identifiability import Robot, analyze
 from identifiability.estimation.prediction import measure_spread
 
+from ..marks import everything
+
 
 @pytest.mark.parametrize(
     "name, rho",
-    [("two-link", 0.8), pytest.param("six-dof-arm", 0.5, marks=pytest.mark.everything)],
+    [("two-link", 0.8), everything("six-dof-arm", 0.5)],
 )
 def test_intervals_of_analyze_cover_planted_torque(name, rho, make_log, without_noise):
     mean = []

@@ -79,19 +79,18 @@ def test_what_is_stated_written_and_predicted_is_the_same(name, tmp_path):
     assert (np.abs(used - read.values) < 0.02 * sigma).all()
 
 
-def test_a_log_in_which_joints_stand_has_one_error_in_analyze_and_predict():
-    robot = Robot.load("two-link")
+def test_a_log_in_which_joints_stand_has_one_error_in_analyze_and_predict(two_link):
     t = np.arange(0, 20, 0.01)
     at = np.cumsum(np.clip(1.5 * np.sin(t) + 0.5, 0, 1)) * 0.01
     logs = []
     for name in "ab":
-        q = shipped_trajectory(robot, name).motion(at)[0]
+        q = shipped_trajectory(two_link, name).motion(at)[0]
         dq = np.gradient(q, t, axis=0)
         motion = PrescribedMotion(t, q, dq, np.gradient(dq, t, axis=0))
-        log = simulate(robot, motion, noise=Noise(torque=0.05), rng=default_rng(1))
+        log = simulate(two_link, motion, noise=Noise(torque=0.05), rng=default_rng(1))
         frame = log.to_frame().filter(regex=r"^t$|\.q$|tau$")
         logs.append(Log.from_frame(frame, name))
-    result = analyze(robot, *logs, replicates=0)
+    result = analyze(two_link, *logs, replicates=0)
     found = result.predict(logs[1])
     assert found.error_ra == pytest.approx(result.chosen.error_ra_validation)
     assert found.error_ra_raw == pytest.approx(result.left_out["raw"])

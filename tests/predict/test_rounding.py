@@ -6,7 +6,7 @@ from identifiability import Analysis, Robot, find_base_parameters
 
 
 def test_a_result_is_the_same_in_python_and_in_its_file(analysis, tmp_path):
-    told = json.loads(analysis.to_json(tmp_path / "result.json").read_text(encoding="utf-8"))
+    told = json.loads(analysis.to_json(tmp_path / "result.json").read_text())
     frame = analysis.to_frame()
     values = frame.set_index("name")["value"]
     for row, verdict in zip(told["parameters"], analysis.chosen.verdicts, strict=True):

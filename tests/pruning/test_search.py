@@ -44,8 +44,7 @@ def test_under_autocorrelated_noise_as_much_is_recovered_as_by_an_oracle_that_kn
     assert np.mean(found) >= 0.95 * np.mean(oracle) - slack
 
 
-def test_noise_beside_functions_like_the_model_does_not_depend_on_rounding():
-    rng = default_rng(0)
+def test_noise_beside_functions_like_the_model_does_not_depend_on_rounding(rng):
     X = rng.normal(size=(60, 9))
     y = rng.normal(size=60).cumsum()
     functions = (X * (1 + 1e-13 * rng.normal(size=X.shape)) for _ in range(3))
@@ -64,8 +63,7 @@ def test_rows_as_measured_refute_a_noise_that_hides_what_the_torque_needs():
     assert chosen_set(find_path(gather(W, tau), whitened=wrong)) == {"p0", "p1"}
 
 
-def test_of_two_equal_columns_one_stands_for_both():
-    rng = default_rng(0)
+def test_of_two_equal_columns_one_stands_for_both(rng):
     W = rng.normal(size=(600, 1, 4))
     W[:, :, 3] = 2 * W[:, :, 2]
     tau = W @ np.array([3.0, 1.0, 2.0, 0.0]) + rng.normal(size=(600, 1))

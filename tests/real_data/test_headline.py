@@ -8,10 +8,11 @@ from identifiability import Robot, analyze
 from identifiability.regression.reduction import default_ladder
 
 from ..export.test_headline import assert_both_errors
+from ..marks import everything
 
-LONG_REPEATED = pytest.param("KUKA 3 → 1", marks=pytest.mark.everything)
+LONG_REPEATED = everything("KUKA 3 → 1")
 LONGER = ("KUKA 1 → 3", "TX40 1 → 2", "UR10 1 → 2")
-LONG = [pytest.param(name, marks=pytest.mark.everything) for name in LONGER]
+LONG = [everything(name) for name in LONGER]
 CASES = ["KR300 A, C → B", *LONG]
 
 

@@ -18,7 +18,7 @@ SECTIONS = (
 def html(paper_analysis, tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
     assert write_result(paper_analysis, path) == path
-    return path.read_text(encoding="utf-8")
+    return path.read_text()
 
 
 def test_the_answer_stands_at_the_top(html, paper_analysis):
@@ -37,7 +37,7 @@ def test_all_sections_are_there_and_linked(html):
 
 def test_the_report_is_small_and_the_same_each_time(html, paper_analysis, tmp_path):
     path = write_result(paper_analysis, tmp_path / "again.html")
-    assert path.read_text(encoding="utf-8") == html
+    assert path.read_text() == html
     assert len(html.encode()) < 1_000_000
 
 

@@ -24,7 +24,7 @@ def test_an_answer_that_asks_for_care_says_so_first(verb):
 @pytest.mark.parametrize("path", sorted(PACKAGE.glob("workflows/**/*.py")))
 def test_no_workflow_makes_an_answer_a_table_or_a_caveat(path):
     made = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Call):
             called = node.func.value if isinstance(node.func, ast.Attribute) else node.func
             made |= {getattr(called, "id", "")}

@@ -137,14 +137,13 @@ def test_a_sidecar_places_effects_of_default_models(placed, texts, load_text):
 
 
 def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torques(
-    load_text, tmp_path
+    load_text, tmp_path, rng
 ):
     """Three cables over two joints; the positions contradict each other by an error."""
     robot = load_text(arm(), sidecar=(
         '[transmission]\nmotors = ["shoulder", "c2", "c3"]\ncoupling = [[1, 0], [1, 1], [0, 2]]\n'
         "ratio = [2, -3, 1]\noffset = [0.1, -0.2]\n[columns]\nelbow = {offset = 1}\n"
     ))  # fmt: skip
-    rng = default_rng(0)
     (q, dq, ddq), tau = rng.normal(size=(3, 50, 2)), rng.normal(size=(50, 3))
     R = np.array([[2, 0], [-3, -3], [0, 2.0]])
     left = np.linalg.svd(R)[0][:, 2]  # what no joint does

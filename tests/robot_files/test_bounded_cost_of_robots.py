@@ -5,7 +5,6 @@ above what any of them takes (below 2 s on a machine with nothing else to do).
 """
 
 import json
-import subprocess
 import sys
 
 import pytest
@@ -169,7 +168,7 @@ FILES = {
 
 
 @pytest.fixture(scope="module")
-def sentences(tmp_path_factory):
+def sentences(tmp_path_factory, process):
     """The sentence of every file; empty where it was read."""
     folder = tmp_path_factory.mktemp("files")
     for number, (ending, content, _) in enumerate(FILES.values()):
@@ -179,7 +178,7 @@ def sentences(tmp_path_factory):
     write_including(folder / "include" / "robot.xml")
     write_attaching(folder / "attach" / "robot.xml")
     words = [sys.executable, "-c", READ, str(folder), str(MEMORY), str(SECONDS)]
-    done = subprocess.run(words, check=False, capture_output=True, text=True)
+    done = process(words)
     assert done.returncode == 0, done.stderr[-500:]
     return json.loads(done.stdout)
 

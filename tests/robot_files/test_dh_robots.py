@@ -22,6 +22,8 @@ from identifiability.regression.reduction import ladder_path, read_ladder
 from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
+from ..marks import everything
+
 ARMS = ("dvrk-mtm", "dvrk-psm")
 SHORT = ("scara", "differential-wrist", "delta")
 LONG = (*ARMS, "3-rrr", "palletizer", "six-actuators")
@@ -83,9 +85,7 @@ def test_the_motors_of_the_other_arm_mix_its_wrist_as_published():
     assert [a.name for a in robot.axes if a.mixed] == ["m6", "m7", "jaws"]
 
 
-@pytest.mark.parametrize(
-    "name", [*SHORT, *(pytest.param(name, marks=pytest.mark.everything) for name in LONG)]
-)
+@pytest.mark.parametrize("name", [*SHORT, *(everything(name) for name in LONG)])
 def test_the_values_of_the_files_come_back_from_torque_without_noise(name):
     robot = Robot.load(name)
     model = model_of(robot)

@@ -108,16 +108,14 @@ def test_a_line_is_the_spring_of_the_robot_file(tmp_path, joint):
     assert_allclose(prepare_log(robot, log, how).tau, bare.tau, atol=1e-7)
 
 
-def test_nothing_is_extrapolated(tmp_path):
+def test_nothing_is_extrapolated(tmp_path, refused):
     """Beyond a table, or the range of a polynomial, log and simulation are refused."""
     text = '[[known_torque]]\nalong = "elbow"\npolynomial = [0, 1]\nrange = [-0.1, 0.1]\n'
     robot = with_sidecar(tmp_path, "two-link", text)
     log = log_of(Robot.load("two-link"))
-    with pytest.raises(
-        IdentifiabilityError, match=r"'elbow' is at .* from -0\.1 to 0\.1: .* lie outside"
-    ):
+    with refused(r"'elbow' is at .* from -0\.1 to 0\.1: .* lie outside"):
         prepare_log(robot, log)
-    with pytest.raises(IdentifiabilityError, match="nothing is extrapolated"):
+    with refused("nothing is extrapolated"):
         log_of(robot)
     edge = KnownTorque(along="j", table=[(0, 1), (1, 2)])
     assert_allclose(edge.force(np.array([0.0, 1.0])), [1, 2])
@@ -136,14 +134,14 @@ def test_nothing_is_extrapolated(tmp_path):
         ('along = "elbow"\ntable = [[0, 1], [1, 2]]\nrange = [0, 1]', "leave out the range"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(tmp_path, text, words):
-    with pytest.raises(IdentifiabilityError, match=words):
+def test_what_cannot_be_meant_is_refused(tmp_path, text, words, refused):
+    with refused(words):
         with_sidecar(tmp_path, "two-link", f"[[known_torque]]\n{text}\n")
 
 
-def test_gains_are_not_identified_beside_it(tmp_path):
+def test_gains_are_not_identified_beside_it(tmp_path, refused):
     robot = with_sidecar(tmp_path, "two-link", CABLE)
-    with pytest.raises(IdentifiabilityError, match="take it out"):
+    with refused("take it out"):
         payload(robot, "empty.csv", "loaded.csv", mass=1, centre=(0, 0, 0))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import IdentifiabilityError, Model
+from identifiability import Model
 from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import complete_motion
 from identifiability.robot.closure import newton
@@ -79,18 +79,18 @@ def test_equations_that_say_the_same_change_nothing(agrees):
     agrees(two_rockers(), spread=0.7)
 
 
-def test_redundant_cranks_must_agree_at_every_sample(load_text):
+def test_redundant_cranks_must_agree_at_every_sample(load_text, refused):
     robot = load_text(two_rockers())
     q = np.linspace(0.6, 2.0, 50)[:, None]
     motion = still(robot, q)
     assert newton(robot, motion.q, most=0).error.max() < 1e-12
     assert_allclose(motion.q[:, 2:], q.repeat(2, 1), atol=1e-9)
-    with pytest.raises(IdentifiabilityError, match="the loops are open by"):
+    with refused("the loops are open by"):
         load_text(two_rockers(0.405))
     # It closes upright, with cranks of another length; nowhere else.
     short = two_rockers(0.3).replace('name="pin1" pos="0.3 0 0"', 'name="pin1" pos="0.3 0 0.1"')
     stuck = load_text(short)
-    with pytest.raises(IdentifiabilityError, match="close at none of the 20 samples"):
+    with refused("close at none of the 20 samples"):
         still(stuck, np.linspace(1.7, 2.0, 20)[:, None])
 
 

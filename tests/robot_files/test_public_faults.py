@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import IdentifiabilityError, Robot, inspect, simulate
+from identifiability import Robot, inspect, simulate
 from identifiability.foundation.findings import of_key
 from identifiability.robot.locate import locate_robot
 from identifiability.simulation import PrescribedMotion, random_trajectory
@@ -75,7 +75,7 @@ def test_blanks_and_comments_may_stand_before_the_declaration(before, name, tmp_
     source = locate_robot(name)
     text = re.sub(r"\A\s*<\?xml[^>]*\?>", "", source.read_text())
     path = tmp_path / f"robot{source.suffix}"
-    path.write_text(f'{before}<?xml version="1.0" encoding="utf-8"?>\n{text}', encoding="utf-8")
+    path.write_text(f'{before}<?xml version="1.0" encoding="utf-8"?>\n{text}')
     robot = Robot.load(path)
     assert dict(robot.nominal) == dict(Robot.load(name).nominal)
     assert np.isfinite(simulated(robot)).all()
@@ -100,7 +100,7 @@ def test_a_root_link_called_world_is_the_world(load):
     assert floats.bodies[0] == "base_link"
 
 
-def test_fixed_joints_are_merged_before_bodies_count(load):
+def test_fixed_joints_are_merged_before_bodies_count(load, refused):
     def frames(count, kind):
         return "".join(
             f'<link name="f{k}"/><joint name="g{k}" type="{kind}"><parent link="link_6"/>'
@@ -109,9 +109,7 @@ def test_fixed_joints_are_merged_before_bodies_count(load):
         )
 
     assert len(load(ARM.replace("</robot>", frames(400, "fixed") + "</robot>")).bodies) == 6
-    with pytest.raises(
-        IdentifiabilityError, match="has 206 bodies that move, with fixed joints merged; "
-    ):
+    with refused("has 206 bodies that move, with fixed joints merged; "):
         load(ARM.replace("</robot>", frames(200, "continuous") + "</robot>"))
 
 
@@ -152,11 +150,9 @@ def with_inertia(text, **moments):
 NEGATIVE, TRIANGLE = (-0.5, 0.25, 0.125, 0, 0, 0), (0.5, 0.125, 0.125, 0, 0, 0)
 
 
-def test_all_bodies_that_cannot_exist_are_listed_with_the_numbers_of_the_file(load):
+def test_all_bodies_that_cannot_exist_are_listed_with_the_numbers_of_the_file(load, refused):
     text = with_inertia(ARM, link_2=NEGATIVE, link_4=TRIANGLE, link_5=(9, -9, 9, 0, 0, 0))
-    with pytest.raises(
-        IdentifiabilityError, match="states 3 bodies that cannot exist: link_2 "
-    ) as error:
+    with refused("states 3 bodies that cannot exist: link_2 ") as error:
         load(text)
     said = str(error.value)
     assert "ixx = -0.5, iyy = 0.25, izz = 0.125 kg·m²: a principal moment is negative" in said
@@ -171,25 +167,21 @@ def test_bodies_that_break_the_triangle_inequality_are_all_reported(load):
     assert "ixx = 0.5, iyy = 0.125, izz = 0.125 kg·m²: one principal moment is more than" in text
 
 
-def test_impossible_bodies_of_an_mjcf_are_all_listed(tmp_path):
+def test_impossible_bodies_of_an_mjcf_are_all_listed(tmp_path, refused):
     text = locate_robot("two-link").read_text()
     changed = re.sub(r'(full|diag)inertia="[^"]*"', 'diaginertia="5 1 1"', text)
     path = tmp_path / "robot.xml"
     path.write_text(changed)
-    with pytest.raises(
-        IdentifiabilityError, match="states 2 bodies that cannot exist: link1 "
-    ) as error:
+    with refused("states 2 bodies that cannot exist: link1 ") as error:
         Robot.load(path)
     assert str(error.value).count("M11 = 5, M22 = 1, M33 = 1") == 2
 
 
 @pytest.mark.parametrize("mass", ["1e-15", "1e-13", "5e-324"])
-def test_a_mass_that_no_arithmetic_holds_is_refused(mass, load):
+def test_a_mass_that_no_arithmetic_holds_is_refused(mass, load, refused):
     start = ARM.index(LINK)
     after = re.sub(r'<mass value="[^"]*"', f'<mass value="{mass}"', ARM[start:], count=1)
-    with pytest.raises(
-        IdentifiabilityError, match=r"link_3\.m = .* is below 1e-12 kg, the least mass"
-    ):
+    with refused(r"link_3\.m = .* is below 1e-12 kg, the least mass"):
         load(ARM[:start] + after)
 
 
@@ -254,14 +246,12 @@ def legged(waist):
     return f'<robot name="walker">{links}{joints}</robot>'
 
 
-def test_legs_below_a_waist_are_reported_until_somebody_says_what_holds_the_base(load):
+def test_legs_below_a_waist_are_reported_until_somebody_says_what_holds_the_base(load, refused):
     (found,) = of_key((n.text for n in inspect(load(legged(waist=True))).needs), "legs")
     assert "left_thigh, right_thigh seem to be legs" in found
     assert "calf" not in found
     for base in ("fixed", "floating"):
         robot = load(legged(waist=True), f'base = "{base}"')
         assert not of_key((n.text for n in inspect(robot).needs), "legs")
-    with pytest.raises(
-        IdentifiabilityError, match="carries the legs left_thigh, right_thigh, so it may"
-    ):
+    with refused("carries the legs left_thigh, right_thigh, so it may"):
         load(legged(waist=False))

@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import IdentifiabilityError, Robot
 from identifiability import Model as Effects
+from identifiability import Robot
 from identifiability.robot import complete_motion
 
 MASS, CENTRE, INERTIA = 1.7, (0.03, -0.05, 0.11), (0.004, 0.006, 0.005)
@@ -196,11 +196,11 @@ LINK = {"name": "a", "joint": "j"}
         (lambda _: Robot.build([{"name": "a", "jiont": "j"}]), "jiont"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_sentence(change, sentence):
-    with pytest.raises(IdentifiabilityError, match=sentence):
+def test_what_cannot_be_is_refused_in_one_sentence(change, sentence, refused):
+    with refused(sentence):
         change(Robot.load("two-link"))
 
 
-def test_a_load_on_several_ends_must_be_told_where():
-    with pytest.raises(IdentifiabilityError, match=r"left_distal, right_distal .* body="):
+def test_a_load_on_several_ends_must_be_told_where(refused):
+    with refused(r"left_distal, right_distal .* body="):
         Robot.load("five-bar").with_payload(mass=1.0)

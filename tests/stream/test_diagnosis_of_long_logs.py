@@ -18,12 +18,11 @@ def few(monkeypatch):
 
 
 @pytest.mark.parametrize("derivatives", [True, False])
-def test_the_same_stretches_are_looked_at(derivatives, few, sizes, frame_of, saved):
+def test_the_same_stretches_are_looked_at(derivatives, few, sizes, frame_of, saved, two_link):
     path = saved(frame_of("two-link", periods=6, samples=2000, derivatives=derivatives))
-    robot = Robot.load("two-link")
-    whole = prepare_excerpt(robot, Log.read(path), None, MOST)
+    whole = prepare_excerpt(two_link, Log.read(path), None, MOST)
     sizes()
-    parts = prepare_excerpt(robot, Log.read(path), None, MOST)
+    parts = prepare_excerpt(two_link, Log.read(path), None, MOST)
     assert MOST / 2 < parts.outputs == whole.outputs <= MOST
     assert parts.notes == whole.notes
     assert_array_equal(parts.motion.kept, whole.motion.kept)

@@ -5,11 +5,13 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from identifiability import Log, Model, Regression, Robot, gather_information, prepare_log
+from identifiability import Log, Model, Regression, gather_information, prepare_log
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Serial
 from identifiability.quality.hints import leave_out_rows
+
+from ..marks import everything
 
 
 def peak(robot, path):
@@ -30,21 +32,20 @@ def peak(robot, path):
 # Text is read in larger pieces than Parquet, and fills them later.
 @pytest.mark.parametrize(
     "form, samples",
-    [("parquet", 8_000), pytest.param("csv", 48_000, marks=pytest.mark.everything)],
+    [("parquet", 8_000), everything("csv", 48_000)],
 )
 def test_three_times_the_samples_take_the_same_memory(
-    form, samples, sizes, few_windows, frame_of, saved, monkeypatch
+    form, samples, sizes, few_windows, frame_of, saved, monkeypatch, two_link
 ):
     from identifiability.regression import regression as model
 
     sizes(piece=500, shortest=2000, rows=500, characters=50_000)
     few_windows(250)
     monkeypatch.setattr(model, "KEEP_BYTES", 0)
-    robot = Robot.load("two-link")
     frame = frame_of("two-link", periods=8, samples=500, derivatives=False)
     step = frame["t"][1] - frame["t"][0]
     _, short, long = (  # the first one imports what reads the form
-        peak(robot, saved(frame.iloc[np.arange(n) % 4000].assign(t=step * np.arange(n)), form))
+        peak(two_link, saved(frame.iloc[np.arange(n) % 4000].assign(t=step * np.arange(n)), form))
         for n in (4_000, samples, 3 * samples)
     )
     assert long < 1.35 * short  # of a megabyte

@@ -11,6 +11,8 @@ from identifiability.foundation.findings import of_key
 from identifiability.reading import Reading
 from identifiability.regression.structure import Structure
 
+from ..marks import everything
+
 ROBOT = Robot.load("two-link")
 
 
@@ -38,8 +40,8 @@ FAULTS = {
 @pytest.mark.parametrize(
     "fault",
     [
-        pytest.param("sign", marks=pytest.mark.everything),
-        pytest.param("unit", marks=pytest.mark.everything),
+        everything("sign"),
+        everything("unit"),
         "columns",
         "positions",
     ],

@@ -58,9 +58,8 @@ def test_whitened_rows_have_unit_covariance():
     assert_allclose(A @ V @ A.T, np.eye(70), atol=1e-10)
 
 
-def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
+def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain(rng):
     """−2 log of the density of contrasts Kᵀy, σ profiled out, up to a constant [Harville 1977]."""
-    rng = default_rng(0)
     basis = np.linalg.qr(rng.standard_normal((70, 5)))[0]
     K = np.linalg.svd(basis, full_matrices=True)[0][:, 5:]
     y = np.cumsum(rng.standard_normal(70))

@@ -125,6 +125,12 @@ def move():
     return along
 
 
+@pytest.fixture
+def m(polar, move, request):
+    """The motion of the hinge and the slide at the times T of a file of tests."""
+    return move(polar, request.module.T)
+
+
 @session_fixture
 def columns():
     """A function (robot, motion, text) -> {parameter name: (unit, column (N, n))} of an effect."""

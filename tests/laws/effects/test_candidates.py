@@ -22,8 +22,7 @@ def listed(robot, motion, *families, present=(), fixed=False):
     return list_candidates(robot, find_families(families or None), present, [motion], fixed=fixed)
 
 
-def test_shapes_are_shares_of_the_rms_speed_and_fractions_of_the_range(polar, move):
-    m = move(polar, T)
+def test_shapes_are_shares_of_the_rms_speed_and_fractions_of_the_range(polar, m):
     candidates, _ = listed(polar, m, "stribeck_friction", "position_ripple", "joint_stiffness")
     reach = [c for c in candidates if c.place == "reach"]
     speed = np.sqrt(np.mean(m.actuated_v[:, 1] ** 2))
@@ -51,8 +50,7 @@ def test_families_with_parts_are_tried_part_by_part(gear, pair, move):
     assert {c.kinds for c in ripple} == {("Rs", "Rc")}
 
 
-def test_what_the_model_has_is_not_tried_again_unless_its_values_are_the_files(polar, move):
-    m = move(polar, T)
+def test_what_the_model_has_is_not_tried_again_unless_its_values_are_the_files(polar, m):
     model = Model.of("rigid_body", "viscous_friction")
     present = Structure.of(polar, model).present
     free, refused = listed(polar, m, present=present)
@@ -88,9 +86,8 @@ def test_a_refinement_stands_where_the_model_has_what_it_refines(polar, move):
         assert always == [j for j in polar.joints if ("coulomb_friction", j) in present]
 
 
-def test_without_masses_there_is_no_load(polar, move):
+def test_without_masses_there_is_no_load(polar, m):
     names = ("load_dependent_friction", "time_delay", "gravity_tilt")
-    m = move(polar, T)
     for name in names:
         assert listed(polar, m, name)[0]
     empty = replace(polar, nominal=dict.fromkeys(polar.nominal, 0.0))
@@ -115,9 +112,8 @@ def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none(polar, ge
     }  # fmt: skip
 
 
-def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
+def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move, rng):
     parts = [move(polar, T[:120]), move(polar, T[120:])]
-    rng = np.random.default_rng(0)
     logs = [Dataset("log", m, rng.standard_normal((len(m), 2)), None, (), "") for m in parts]
     candidates, _ = listed(polar, parts[0], "encoder_bias", "joint_stiffness", "torque_offset")
     model = Model.of("rigid_body", "viscous_friction")

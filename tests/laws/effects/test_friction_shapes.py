@@ -30,8 +30,7 @@ def test_composed_clips_are_the_slider_step_by_step(way, count):
     assert_allclose(follow_with_play(x, 0.25, way), expected, atol=1e-15)
 
 
-def test_rising_and_sigmoid_friction_are_their_formulas(polar, move, columns):
-    m = move(polar, T)
+def test_rising_and_sigmoid_friction_are_their_formulas(polar, columns, m):
     v = m.actuated_v
     found = columns(polar, m, "rising_friction@reach:0.2")
     (unit, column) = found["reach.Fr"]
@@ -46,17 +45,15 @@ def test_rising_and_sigmoid_friction_are_their_formulas(polar, move, columns):
     assert_allclose(column[:, 0], np.tanh(v[:, 0] / 0.2))
 
 
-def test_rising_friction_and_coulomb_friction_never_push(polar, move):
+def test_rising_friction_and_coulomb_friction_never_push(polar, m):
     """As long as its level is not above that of Coulomb friction the sum dissipates."""
-    m = move(polar, T)
     W = Model.of("coulomb_friction", "rising_friction").regressor(polar, m)
     power = np.einsum("nik,ni->nk", W, m.actuated_v)
     assert (power[:, 2:] <= 0).all()
     assert (power[:, :2] + power[:, 2:] >= -1e-12).all()
 
 
-def test_hysteresis_is_three_springs_that_slip(polar, move, columns):
-    m = move(polar, T)
+def test_hysteresis_is_three_springs_that_slip(polar, columns, m):
     x = m.actuated_q[:, 1]
     v = m.actuated_v[:, 1]
     found = columns(polar, m, "hysteresis@reach:0.02")
@@ -81,8 +78,7 @@ def test_a_way_is_not_remembered_across_missing_samples(polar, move):
     assert_array_equal(model.regressor(polar, m)[150:], late)
 
 
-def test_backlash_takes_the_load_away_after_a_reversal(polar, move, columns, by_hand):
-    m = move(polar, T)
+def test_backlash_takes_the_load_away_after_a_reversal(polar, columns, by_hand, m):
     (unit, column) = columns(polar, m, "backlash@lift:0.03")["lift.Bl"]
     assert unit == "1"
     load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)[:, 0]
@@ -94,8 +90,7 @@ def test_backlash_takes_the_load_away_after_a_reversal(polar, move, columns, by_
     assert np.abs(column[np.abs(v) > 0.8 * np.abs(v).max(), 0]).max() < 1e-9
 
 
-def test_friction_along_the_position_is_its_splines_against_the_motion(polar, move, columns):
-    m = move(polar, T)
+def test_friction_along_the_position_is_its_splines_against_the_motion(polar, columns, m):
     found = columns(polar, m, "position_friction@lift:0.4")
     plain = columns(polar, m, "position_torque@lift:0.4")
     assert list(found) == [name.replace(".B", ".P") for name in plain]
@@ -106,8 +101,7 @@ def test_friction_along_the_position_is_its_splines_against_the_motion(polar, mo
     assert_allclose(total[:, 0], way[:, 0], atol=1e-12)
 
 
-def test_friction_drifts_with_the_time_of_the_log(polar, move, columns):
-    m = move(polar, T)
+def test_friction_drifts_with_the_time_of_the_log(polar, columns, m):
     found = columns(polar, m, "friction_drift")
     v = m.actuated_v
     assert found["reach.dv"][0] == "N/m"

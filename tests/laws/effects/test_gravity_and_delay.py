@@ -24,12 +24,11 @@ def torque(robot, motion):
     return Model.of("rigid_body").regressor(robot, motion) @ np.array(phi)
 
 
-def test_a_payload_is_another_body_fixed_to_the_last_one(make, tables, polar, move, columns):
+def test_a_payload_is_another_body_fixed_to_the_last_one(make, tables, polar, move, columns, m):
     """A point of 0.5 kg at (0.2, 0, 0.1) of the sled, written into the file instead."""
     inertial = '<inertial pos="0 0 0" mass="0.5" diaginertia="1e-9 1e-9 1e-9"/>'
     extra = f'<body pos="0.2 0 0.1">{inertial}</body>'
     loaded = make(tables.POLAR.replace('0.02 0.02 0 0 0"/>', f'0.02 0.02 0 0 0"/>{extra}'))
-    m = move(polar, T)
     found = columns(polar, m, "payload")
     values = {"m": 0.5, "mx": 0.1, "mz": 0.05, "Ixx": 0.005, "Iyy": 0.025, "Izz": 0.02,
               "Ixz": -0.01}  # fmt: skip
@@ -53,9 +52,8 @@ def with_gravity(robot, g):
     return replace(robot, model=model)
 
 
-def test_a_tilt_turns_gravity_about_a_horizontal_axis_by_the_right_hand(polar, move, columns):
+def test_a_tilt_turns_gravity_about_a_horizontal_axis_by_the_right_hand(polar, columns, m):
     """Against gravity turned by +θ about x and about y, to first order."""
-    m = move(polar, T)
     angle = 1e-6
     found = columns(polar, m, "gravity_tilt")
     assert list(found) == ["base.tilt1", "base.tilt2"]
@@ -84,9 +82,8 @@ def test_without_gravity_nothing_tilts(polar):
     assert Model.of("gravity_tilt").parameters(with_gravity(polar, (0, 0, 0))) == ()
 
 
-def test_a_wrong_zero_is_the_torque_at_another_position(polar, move, columns):
+def test_a_wrong_zero_is_the_torque_at_another_position(polar, columns, m):
     """Against torque at positions that are truly b less, to first order."""
-    m = move(polar, T)
     b = 1e-6
     found = columns(polar, m, "encoder_bias")
     assert {name: unit for name, (unit, _) in found.items()} == {
@@ -197,8 +194,7 @@ def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
     assert_allclose(change[:, 1], 40 * (m.actuated_q[:, 1] - 1.0), atol=1e-9)
 
 
-def test_the_delayed_torque_holds_the_springs_of_a_fit(polar, move):
-    m = move(polar, T)
+def test_the_delayed_torque_holds_the_springs_of_a_fit(polar, m):
     joint = polar.joints[0]
     known = dict(reference_values(polar))
     plain, held = (

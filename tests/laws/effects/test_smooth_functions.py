@@ -46,17 +46,15 @@ def spanned(columns, target):
     return np.abs(columns @ np.linalg.lstsq(columns, target, rcond=None)[0] - target).max()
 
 
-def test_a_function_of_velocity_is_odd_or_even(polar, move):
+def test_a_function_of_velocity_is_odd_or_even(polar, m):
     """What turns with the motion, and what does not, are columns apart."""
-    m = move(polar, T)
     model = function_of("velocity", 0.8)
     W, again = (model.regressor(polar, x) for x in (m, replace(m, v=-m.v)))
     assert_allclose(again[:, 0], W[:, 0] * np.repeat([-1.0, 1.0], [4, 3]), atol=1e-12)
 
 
-def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
+def test_each_function_is_one_of_what_its_name_says(polar, by_hand, m):
     """A parabola of the coordinate is among its columns; nothing is at the other joint."""
-    m = move(polar, T)
     v = m.actuated_v[:, 0]
     x = m.actuated_q[:, 0] - 0.3
     root = np.sign(v) * np.sqrt(np.abs(v) / 0.8)
@@ -81,8 +79,7 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
         assert spanned(W[:, 0], np.sin(40 * T)) > 0.5
 
 
-def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
-    m = move(polar, T)
+def test_shapes_of_functions_are_from_the_motion(polar, pair, move, m):
     unnamed = [f for f in FAMILIES.values() if f.unnamed]
     assert len(unnamed) == 9
     found, refused = list_candidates(polar, unnamed, (), [m[:200], m[200:]], fixed=False)
@@ -103,8 +100,7 @@ def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
     }
 
 
-def test_the_time_of_the_session_is_asked_for_where_logs_share_a_clock(polar, move):
-    m = move(polar, T)
+def test_the_time_of_the_session_is_asked_for_where_logs_share_a_clock(polar, m):
     family = FAMILIES["function_of_session_time"]
 
     def shapes(*starts):
@@ -118,8 +114,7 @@ def test_the_time_of_the_session_is_asked_for_where_logs_share_a_clock(polar, mo
     assert shapes(None, None, None) == shapes(0.0, 5.0, 10.0, None) == []
 
 
-def test_a_function_of_the_session_goes_on_from_log_to_log(polar, move):
-    m = move(polar, T)
+def test_a_function_of_the_session_goes_on_from_log_to_log(polar, m):
     model = function_of("session_time", 12.5)
     first, last, later = (
         model.regressor(polar, replace(m, start=start))[:, 0] for start in (0.0, 10.0, 20.0)

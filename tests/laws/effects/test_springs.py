@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import IdentifiabilityError, Model
+from identifiability import Model
 from identifiability.effects import find_family
 from identifiability.effects.effect import measure_spans
 from identifiability.regression.columns import list_candidates
@@ -64,8 +64,7 @@ def test_columns_are_what_a_known_torque_of_the_same_law_is(gear, move, joint):
         assert_allclose(W @ value, stated, atol=1e-12)
 
 
-def test_splines_add_up_to_one_and_contain_every_cubic(polar, move, columns):
-    m = move(polar, T)
+def test_splines_add_up_to_one_and_contain_every_cubic(polar, columns, m):
     found = columns(polar, m, "position_torque@*:0.25")
     lift = np.stack([c[:, 0] for n, (_, c) in found.items() if n.startswith("lift.")], 1)
     # −1.5 … 2.1 about the home 0.3: knots from −8 · 0.25 to 8 · 0.25, three splines more than gaps.
@@ -80,8 +79,7 @@ def test_splines_add_up_to_one_and_contain_every_cubic(polar, move, columns):
     assert not any(c[:, 1].any() for n, (_, c) in found.items() if n.startswith("lift."))
 
 
-def test_beyond_the_limits_a_curve_goes_on_as_at_the_end(polar, move, columns):
-    m = move(polar, T)
+def test_beyond_the_limits_a_curve_goes_on_as_at_the_end(polar, columns, m):
     effect = "position_torque@lift:0.45"
     ends = [-1.5, 2.1, 2.6, -9.0]
     q = np.tile(m.actuated_q[:1], (4, 1))
@@ -98,8 +96,7 @@ def _at(motion, q):
     return replace(rows, q=q, actuated_q=q)  # both joints are actuated, in the tree's order
 
 
-def test_shapes_are_distances_of_knots_and_only_reached_splines_are_tried(polar, move):
-    m = move(polar, T)
+def test_shapes_are_distances_of_knots_and_only_reached_splines_are_tried(polar, m):
     family = find_family("position_torque")
     spans = measure_spans(polar, [m])
     assert (spans["lift"].low, spans["lift"].high) == pytest.approx(
@@ -117,6 +114,6 @@ def test_shapes_are_distances_of_knots_and_only_reached_splines_are_tried(polar,
             assert W[:, :, k].any() == (name in used), (c.shape, name)
 
 
-def test_a_grid_too_fine_is_refused(polar):
-    with pytest.raises(IdentifiabilityError, match="360 pieces"):
+def test_a_grid_too_fine_is_refused(polar, refused):
+    with refused("360 pieces"):
         Model.of("position_torque@lift:0.01").parameters(polar)

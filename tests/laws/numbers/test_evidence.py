@@ -8,11 +8,12 @@ from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal, nct, t
 
-from identifiability import IdentifiabilityError, estimate
+from identifiability import estimate
 from identifiability.estimation.evidence import Evidence, Folds, Gain, HeldOut, Score, near_best
 from identifiability.estimation.noise import Noise
 from identifiability.workflows.prune.elimination import weigh_models
 
+from ...marks import everything
 from .made import ar1, gather, score_of
 
 WHITE = Noise(np.array([0.25, 4.0]), np.ones(2))
@@ -85,15 +86,13 @@ def test_a_region_of_the_motion_is_left_out_in_all_its_repetitions():
 
 
 @pytest.mark.parametrize("memory", [61.0, 1000.0])
-def test_a_log_too_short_for_five_folds_is_refused_in_one_sentence(memory):
+def test_a_log_too_short_for_five_folds_is_refused_in_one_sentence(memory, refused):
     W, tau = rows(N=300)
-    with pytest.raises(
-        IdentifiabilityError, match="stretches that can be predicted from the others; a choice"
-    ):
+    with refused("stretches that can be predicted from the others; a choice"):
         Folds.of(gather(W, tau), memory)
 
 
-@pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.everything), 0.9])
+@pytest.mark.parametrize("rho", [everything(0.0), 0.9])
 def test_of_models_that_are_equally_good_few_are_called_better_or_worse(rho):
     """Each has one column that acts and another that does not: they are exchangeable."""
     rng = default_rng(5)

@@ -44,9 +44,8 @@ def test_coordinates_and_parameters_of_the_plane_are_one_to_one():
     assert_allclose(t.to_eta(phi), eta, atol=1e-12)
 
 
-def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual():
+def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual(rng):
     """Three parameters, two of whose combinations are seen in four rows."""
-    rng = default_rng(0)
     R = rng.normal(size=(4, 2)) @ [[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]]
     z = rng.normal(size=4)
     region = PhysicalSet(np.empty((0, 10), int), np.zeros(3, bool))

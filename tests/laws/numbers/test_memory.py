@@ -15,6 +15,7 @@ from identifiability.foundation.rounding import ENDS
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.physical.fitted_model import LeastSquares
 
+from ...marks import everything
 from .made import ar1, gather
 
 #: (1 + ρ) / (1 - ρ) of ρ = .9.
@@ -34,10 +35,9 @@ def noise_of(rng, samples, *rho):
     return np.column_stack([ar1(rng, r, samples)[:, 0] for r in rho])
 
 
-@pytest.mark.parametrize("size", [pytest.param(3, marks=pytest.mark.everything), 20, 100])
+@pytest.mark.parametrize("size", [everything(3), 20, 100])
 @pytest.mark.parametrize("logs", [(), (9000, 15_000)])
-def test_times_are_those_of_the_noise_whatever_the_blocks(size, logs):
-    rng = default_rng(0)
+def test_times_are_those_of_the_noise_whatever_the_blocks(size, logs, rng):
     W = slow_columns(rng, 24_000, 3)
     tau = W @ [1.0, 2.0, 3.0] + noise_of(rng, 24_000, 0.9, 0.0) * [3.0, 1.0]
     fit = estimate(gather(W, tau, size, logs))

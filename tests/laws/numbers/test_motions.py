@@ -105,12 +105,11 @@ def test_what_only_one_motion_determines_is_not_compared():
     assert np.isfinite(m.between).all()
 
 
-def test_one_log_short_logs_and_rounding_say_nothing():
+def test_one_log_short_logs_and_rounding_say_nothing(rng):
     one, _ = compare(VALUES[None], 0)
     assert one is None
     exact, _ = compare(np.tile(VALUES, (2, 1)), 0, noise=0.0)
     assert exact is None
-    rng = default_rng(0)
     W = motion(rng, 80)[::8]
     log = np.repeat([0, 1], 5)
     tau = W @ VALUES + 0.1 * rng.standard_normal((10, 2))
@@ -125,8 +124,7 @@ def test_what_scatters_between_logs_is_in_the_robust_deviation():
     assert found.robust[2] > 0.9  # both values, two apart, are within 1.96 of it
 
 
-def test_a_log_of_fewer_rows_than_parameters_says_nothing():
-    rng = default_rng(0)
+def test_a_log_of_fewer_rows_than_parameters_says_nothing(rng):
     W = np.concatenate([motion(rng), motion(rng), motion(rng)[:2]])
     log = np.repeat([0, 1, 2], [SAMPLES, SAMPLES, 2])  # four rows for four parameters
     tau = W @ VALUES + 0.5 * rng.normal(size=(len(W), 2))

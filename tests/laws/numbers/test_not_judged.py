@@ -45,9 +45,8 @@ def test_a_long_log_is_judged_unless_more_is_asked_of_it(least, judges):
     assert kinds(verdicts) == {"identifiable" if judges else "not judged"}
 
 
-def test_a_direction_that_a_few_outputs_decide_is_not_judged_and_others_are():
+def test_a_direction_that_a_few_outputs_decide_is_not_judged_and_others_are(rng):
     """The second column acts in two short stretches, the third in a fifth of the log."""
-    rng = default_rng(0)
     W = rng.standard_normal((600, 1, 3))
     W[:, 0, 1] *= (np.arange(600) % 300) < 8
     W[:, 0, 2] *= np.arange(600) < 120
@@ -116,9 +115,8 @@ def test_values_that_no_verdict_stands_on_are_those_of_the_fit():
 
 
 @pytest.mark.parametrize("logs", [(20,), (43,), (20, 23), (17, 13, 13)])
-def test_short_logs_have_scores_as_long_as_there_are_rows_for_twelve_stretches(logs):
+def test_short_logs_have_scores_as_long_as_there_are_rows_for_twelve_stretches(logs, rng):
     """Stretches end with their log, so fewer of them fit than all samples would make."""
-    rng = default_rng(0)
     W = rng.standard_normal((sum(logs), 2, 3))
     tau = W @ np.ones(3) + ar1(rng, 0.8, sum(logs), 2)
     information = gather(W, tau, 1, logs)

@@ -12,6 +12,7 @@ from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.foundation.rounding import REACH
 from identifiability.quality.hints import weigh_rows
 
+from ...marks import everything
 from .made import ar1
 
 ROWS, SIZE, TRUTH = 600, 5, np.array([1.0, -1.0, 0.5])
@@ -50,8 +51,8 @@ def test_without_outliers_nothing_changes(rho):
     assert touched < 27  # one block or none is expected to pass its limit
 
 
-@pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.everything), 0.9])
-@pytest.mark.parametrize("size", [20, pytest.param(1, marks=pytest.mark.everything)])
+@pytest.mark.parametrize("rho", [everything(0.0), 0.9])
+@pytest.mark.parametrize("size", [20, everything(1)])
 def test_a_stretch_a_hundred_times_off_moves_values_by_less_than_a_third_of_sigma(rho, size):
     """Beside the fit that never saw it."""
     off = []

@@ -70,10 +70,9 @@ def test_columns_that_the_fit_dropped_stay_zero_in_every_replicate():
     assert (spread_of(found)[[0, 2, 3]] > 0).all()
 
 
-def test_seven_blocks_say_nothing_and_eight_do():
+def test_seven_blocks_say_nothing_and_eight_do(rng):
     information = gather(*rows(), size=8)
     fit = estimate(information)
-    rng = default_rng(0)
     few, enough = (
         Fit.of(information, replace(fit, times=np.full(2, 95.9 / n)), rng, 20) for n in (7, 8)
     )

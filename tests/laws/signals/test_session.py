@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, prepare_log
+from identifiability import Log, prepare_log
 from identifiability.logs.log import share_clock
 from identifiability.logs.prepare.excerpt import prepare_excerpt
 from identifiability.quality.recordings import read_recordings
@@ -41,22 +41,20 @@ def test_parts_of_one_log_are_of_one_clock():
     assert starts(whole.rows(0, 20, "a"), whole.rows(20, 40, "b")) == [0.0, 0.0]
 
 
-def test_the_start_comes_with_the_motion_and_not_with_values(tmp_path, read_long):
-    robot = Robot.load("two-link")
-    rng = np.random.default_rng(0)
-    made = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(2)])
+def test_the_start_comes_with_the_motion_and_not_with_values(tmp_path, read_long, rng, two_link):
+    made = Campaign.of(two_link, [random_trajectory(two_link, rng) for _ in range(2)])
     logs = made.logs()
     first = [int(np.flatnonzero(made.log == k)[0]) for k in range(2)]
     assert [one.start for one in logs] == [made.move.t[k] for k in first]
     assert all(one.t[0] == 0 for one in logs)
     fitted = read_recordings(logs).fitted
     for one, same in zip(logs, fitted, strict=True):
-        assert prepare_excerpt(robot, same, None).motion.start == one.start
-        assert prepare_log(robot, same).motion[3:90].start == one.start
+        assert prepare_excerpt(two_link, same, None).motion.start == one.start
+        assert prepare_log(two_link, same).motion[3:90].start == one.start
     assert [one.start for one in read_recordings([*logs, log("c", None)]).fitted] == [None] * 3
     # It is in no file, so that it is not read from one whose times begin at zero.
     path = logs[1].write(tmp_path / "log.csv")
     assert Log.read(path).start is None
     long = replace(read_long(path), start=4.0)
-    assert prepare_excerpt(robot, long, None).motion.start == 4.0
+    assert prepare_excerpt(two_link, long, None).motion.start == 4.0
     assert long.rows(100, 200).start == 4.0
