@@ -1,7 +1,6 @@
 """What an index and a citation show agrees with the package."""
 
 import re
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -12,6 +11,7 @@ import identifiability
 from identifiability.cli import app
 
 ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = Path(identifiability.__file__).parent
 TOML = tomllib.loads((ROOT / "pyproject.toml").read_text())
 HOME = TOML["project"]["urls"]["Homepage"]
 
@@ -36,7 +36,7 @@ def test_the_readme_in_an_index_has_no_relative_link_and_each_leads_to_a_file():
 
 
 def test_the_changelog_is_one_page_on_this_version_and_names_every_command():
-    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    text = (ROOT / "CHANGELOG.md").read_text()
     assert len(text.splitlines()) <= 60
     assert re.findall(r"^## (\S+)", text, re.MULTILINE) == [identifiability.__version__]
     told = text.partition("**Commands**")[2].partition("**Answers**")[0].partition("\n")[2]
@@ -44,15 +44,15 @@ def test_the_changelog_is_one_page_on_this_version_and_names_every_command():
     assert named == set(get_command(app).commands)
 
 
-def test_make_exam_gives_its_script_an_option_that_it_knows():
+def test_make_exam_gives_its_script_an_option_that_it_knows(process):
     script, option = re.search(r"(studies\S*) .*,(--\w+)", (ROOT / "Makefile").read_text()).groups()
     words = [sys.executable, ROOT / script, "--help"]
-    assert option in subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert option in process(words, check=True).stdout
 
 
 def test_sentences_on_extras_name_an_extra_of_a_checkout():
     named = set()
-    for path in (ROOT / "identifiability").rglob("*.py"):
+    for path in PACKAGE.rglob("*.py"):
         named |= set(re.findall(r"install '\.\[(\w+)\]'", path.read_text()))
     assert named
     assert set(TOML["project"]["optional-dependencies"]) >= named
@@ -62,12 +62,12 @@ def test_every_source_that_code_or_pages_cite_stands_in_the_list():
     key = re.compile(r"\[((?:de |van )?[A-ZÀ-Þ][\w'’-]*(?: & [A-Z][\w'’-]*)? \d{4})")
     listed = set(key.findall((ROOT / "docs/reference" / "sources.md").read_text()))
     cited = {}
-    for folder in ("identifiability", "models", "docs"):
-        for path in (ROOT / folder).rglob("*.*"):
+    for folder in (PACKAGE, ROOT / "models", ROOT / "docs"):
+        for path in folder.rglob("*.*"):
             if path.suffix in {".py", ".md", ".toml", ".j2"}:
-                cited |= dict.fromkeys(key.findall(path.read_text()), path.relative_to(ROOT))
+                cited |= dict.fromkeys(key.findall(path.read_text()), str(path))
     assert len(cited) > 50
-    assert not {k: str(path) for k, path in cited.items() if k not in listed}
+    assert not {k: path for k, path in cited.items() if k not in listed}
 
 
 def test_the_recipe_for_conda_is_of_this_version_and_has_the_same_dependencies():

@@ -11,6 +11,7 @@ from string import Formatter
 import pytest
 from pydantic import TypeAdapter
 
+import identifiability
 from identifiability.effects import FAMILIES
 from identifiability.foundation.findings import Level, sentences
 from identifiability.quality.registry import CHECKS
@@ -58,11 +59,11 @@ def test_every_check_stands_in_the_order_and_in_the_table_of_sentences():
 
 
 def test_the_page_of_messages_shows_every_message_and_each_of_its_parts_without_holes():
-    page = (DOCS / "reference/messages.md").read_text(encoding="utf-8")
+    page = (DOCS / "reference/messages.md").read_text()
     rows = dict(re.findall(r"^\| `([\w.]+)` \| (.*?) \| ", page, re.MULTILINE))
     documented = {key: own for key, own in sentences().items() if "level" in own}
     assert {*rows} == {*documented}
-    examples = tomllib.loads((DOCS / "message_examples.toml").read_text(encoding="utf-8"))
+    examples = tomllib.loads((DOCS / "message_examples.toml").read_text())
     for key, says in rows.items():
         said = re.sub(r"\d … [-\d]|= …", "", says)  # a range, and what is to be filled in
         assert not re.search(r"…|{\w*}|{\w+:|[a-z]}", said), key
@@ -79,8 +80,8 @@ def test_every_finding_and_phrase_fills_the_holes_of_its_sentence():
     """A sentence that is said seldom is written as surely as one that is said often."""
     table = sentences()
     seen = set()
-    for path in (DOCS.parent / "identifiability").rglob("*.py"):
-        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for path in Path(identifiability.__file__).parent.rglob("*.py"):
+        for call in ast.walk(ast.parse(path.read_text())):
             if not isinstance(call, ast.Call) or getattr(call.func, "id", "") not in CALLS:
                 continue
             first, *rest = call.args
