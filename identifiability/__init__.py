@@ -22,8 +22,6 @@ Names are imported when they are first used: ``import identifiability`` is quick
 
 # ruff: noqa: I001 - a type checker wants each name twice, and isort then a line for each
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

@@ -5,8 +5,6 @@
 searches for the joints that bend, and tunes their numbers; rivals are fitted with them (`search`).
 """
 
-from __future__ import annotations
-
 from .result import Bending
 from .search import find_bending
 

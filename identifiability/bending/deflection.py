@@ -10,8 +10,6 @@ equation is integrated along the measured motion. So the deflection is not diffe
 does not drift.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 

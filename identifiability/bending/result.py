@@ -1,11 +1,8 @@
 """`Bending`: the joints that bend, as the logs show them."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, field
-from typing import Any
 
-from identifiability.foundation.names import Array, NumberByName, Strings
+from identifiability.foundation.names import Array, Json, NumberByName, Strings
 from identifiability.foundation.values import frozen
 
 
@@ -61,7 +58,7 @@ class ElasticJoint:
     gain: float
     response: Response
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return its numbers for JSON."""
         numbers = asdict(self)
         response = numbers.pop("response")
@@ -107,7 +104,7 @@ class Bending:
     parameters: NumberByName = field(default_factory=dict)
     rigid: str = ""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return it for JSON."""
         error = {"before": self.error_before, "after": self.error_after}
         unseen = {"before": self.held_before, "after": self.held_after}

@@ -8,6 +8,8 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from identifiability.foundation.names import Fields
+
 from .options import helps
 
 
@@ -15,7 +17,7 @@ class Verbs(Mapping[str, Any]):
     """The commands by name, in the order of the help; each is built when it is needed."""
 
     def __init__(self) -> None:
-        self.made: dict[str, Any] = {}
+        self.made: Fields = {}
 
     def __iter__(self) -> Iterator[str]:
         return iter(helps()["verbs"])

@@ -8,6 +8,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from identifiability.foundation.names import Fields
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ COMMANDS: ContextVar[Mapping[str, Any]] = ContextVar("COMMANDS")
 WRITTEN = ("json", "out")
 
 
-def defaults_of_case(case: CaseFile, verb: str, *, has_logs: bool) -> dict[str, Any]:
+def defaults_of_case(case: CaseFile, verb: str, *, has_logs: bool) -> Fields:
     """Return the values of a verb's arguments, and of its files, that a case states.
 
     Parameters
@@ -35,7 +36,7 @@ def defaults_of_case(case: CaseFile, verb: str, *, has_logs: bool) -> dict[str, 
     """
     held_out = [path for path in case.held_out if path != "none"]
     result = case.place(case.entry.result)
-    said: dict[str, Any] = {"robot": case.robot, "result": result}
+    said: Fields = {"robot": case.robot, "result": result}
     if verb == "analyze":
         said |= {"json": result}
     if verb == "export":

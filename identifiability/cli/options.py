@@ -42,6 +42,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import OutputError, near_match
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import Fields
 from identifiability.foundation.options import (
     AngleUnit,
     Count,
@@ -91,7 +92,7 @@ LIST_ROBOTS = ("new", "inspect", "simulate")
 
 
 @cache
-def helps() -> dict[str, Any]:
+def helps() -> Fields:
     """Return the texts of ``help.toml``, with numbers of the code filled in."""
     text = Path(__file__).with_name("help.toml").read_text("utf-8")
     return tomllib.loads(Template(text).substitute(help_numbers()))
@@ -435,7 +436,7 @@ class Command(typer.core.TyperCommand):
         if is_log_file(Path(first)):
             words.insert(words.index(first), ".")
 
-    def _read_case(self, ctx: Any, words: list[str]) -> dict[str, Any]:
+    def _read_case(self, ctx: Any, words: list[str]) -> Fields:
         """Return the values of the case file for options that were not typed.
 
         The case is that of the working folder, or of a folder that is typed in place of the robot.
@@ -549,7 +550,7 @@ def _read_settings(
     tables: Mapping[str, str],
     typed: Sequence[str],
     given: Mapping[str, Any],
-) -> dict[str, Any]:
+) -> Fields:
     """Return the checked settings of the sidecar and the command line.
 
     Raises
@@ -557,7 +558,7 @@ def _read_settings(
     OptionError
         If one is no setting of the verb.
     """
-    found: dict[str, Any] = {}
+    found: Fields = {}
     if any(tables.values()) and given.get("robot"):
         from identifiability.robot.sidecar import read_settings  # noqa: PLC0415
 
@@ -792,7 +793,7 @@ class Work:
     place: Place = Place()
 
     @contextmanager
-    def running(self) -> Iterator[tuple[Progress, dict[str, Any], Engine]]:
+    def running(self) -> Iterator[tuple[Progress, Fields, Engine]]:
         """Yield the progress callback, the common options of fits, and the engine."""
         with progress() as say, self.place.running() as engine:
             # A verb ends its processes sooner by itself.
@@ -802,7 +803,7 @@ class Work:
 
 
 @contextmanager
-def alone() -> Iterator[tuple[Progress, dict[str, Any], None]]:
+def alone() -> Iterator[tuple[Progress, Fields, None]]:
     """Give the same to a verb that is done at once."""
     with progress() as say:
         say("reading logs", 0.0)

@@ -21,6 +21,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.loading import loading
+from identifiability.foundation.names import Fields
 
 from .case import CASE
 from .common import check_outputs, print_command, print_end, print_result, progress, write_all
@@ -60,7 +61,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.analyze import Analysis
 
 
-def run(said: dict[str, Any], verb: str, write: str = "", **options: Any) -> tuple[Any, list[Path]]:
+def run(said: Fields, verb: str, write: str = "", **options: Any) -> tuple[Any, list[Path]]:
     """Call the function of a verb with the typed options, and write its result.
 
     Parameters

@@ -4,8 +4,6 @@ Smooth functions of position, speed, load, time, another joint's speed, and of t
 together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Errors of measurement: torque that is offset, late, scaled or leaks, and positions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar

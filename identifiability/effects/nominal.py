@@ -1,7 +1,5 @@
 """Torque by the robot file's values, or a fit's: the load that some effects depend on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import wraps
 from typing import Any

@@ -1,7 +1,5 @@
 """The one list of effects: the library's, and those that users register."""
 
-from __future__ import annotations
-
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence

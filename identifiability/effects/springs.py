@@ -1,7 +1,5 @@
 """Springs and torque over position: of joints, of constant force, against gravity, any shape."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

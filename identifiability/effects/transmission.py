@@ -1,7 +1,5 @@
 """Effects of gears, belts and screws: play, presliding, friction that grows with load, ripple."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identifiability.foundation.linalg import TINY, without_rounding

@@ -1,7 +1,5 @@
 """Every parameter that a model of a robot can have, by name, and the values that its file holds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Combinations of few parameters that logs determine, where they determine no single one."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

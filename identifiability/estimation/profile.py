@@ -5,12 +5,9 @@ that function for the shape of an effect. The curvature at the best value gives 
 number enters nonlinearly or has a limit; the likelihood ratio does [Venzon & Moolgavkar 1988].
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 import scipy
@@ -18,7 +15,7 @@ import scipy
 from identifiability.effects import Part, Placed, find_family
 from identifiability.effects.effect import EXPONENT, Shaped, measure_spans
 from identifiability.foundation.linalg import RANK_TOLERANCE, or_one
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Json
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -184,7 +181,7 @@ class Profile:
         step = self.coordinates[outside] - start
         return float(self.number.unscale(start + share * step))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the curve as plain values; open ends without a limit are null."""
         lower, upper = self.region
         return {

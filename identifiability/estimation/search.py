@@ -4,8 +4,6 @@ Groups of all families at all places, and everywhere, are searched on fitted row
 only remove them. Left-out blocks of the fitted rows decide at which places each effect acts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property

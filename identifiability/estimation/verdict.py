@@ -1,7 +1,5 @@
 """`Verdict`: the verdict on each parameter of a fitted model, with its reason (`judge`)."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
@@ -13,7 +11,7 @@ from scipy.special import ndtr
 
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import Array, NumberByName
+from identifiability.foundation.names import Array, Json, NumberByName
 from identifiability.foundation.rounding import REACH, chance_text
 from identifiability.foundation.values import frozen
 
@@ -163,7 +161,7 @@ class Verdict:
         """Standard deviation from the label relative to the value [%]: what verdicts limit."""
         return percent_of(self.sigma_label, self.value)
 
-    def to_row(self) -> dict[str, Any]:
+    def to_row(self) -> Json:
         """Return the verdict as one row of a table or of a JSON result."""
         row = {f.name: getattr(self, f.name) for f in fields(self)}
         row |= {name: list(getattr(self, name)) for name in ("interval95", "data_interval95")}

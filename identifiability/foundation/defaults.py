@@ -1,7 +1,5 @@
 """`DEFAULTS`: the default numbers of options, which functions and help read here."""
 
-from __future__ import annotations
-
 from .values import frozen
 
 

@@ -1,7 +1,5 @@
 """Read TOML and JSON documents and check them, one sentence about the first problem; write TOML."""
 
-from __future__ import annotations
-
 import json
 import re
 import stat

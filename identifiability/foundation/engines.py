@@ -5,8 +5,6 @@ What to use when: `Serial` for seconds of computation and for debugging; `Proces
 thread each.
 """
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import os

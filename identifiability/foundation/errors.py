@@ -1,7 +1,5 @@
 """Sentences for the user: the given input, the expected input, and the remedy."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Iterable

@@ -15,6 +15,7 @@ from string import Formatter
 from typing import TYPE_CHECKING, Any
 
 from .errors import listing
+from .names import Json
 
 if TYPE_CHECKING:
     from .answers import Table
@@ -149,7 +150,7 @@ class Finding(str):
         """Return the action as a participle; empty if there was none."""
         return str(sentences()[self.key].get("done", ""))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return it for JSON."""
         plain = {k: list(x) if isinstance(x, tuple) else x for k, x in self.numbers.items()}
         return {"key": self.key, "level": self.level.value, "subject": self.subject, **plain}

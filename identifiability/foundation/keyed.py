@@ -1,7 +1,5 @@
 """`Row`: the result for one parameter; `Keyed`: results whose rows are found by name."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar

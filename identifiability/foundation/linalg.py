@@ -1,7 +1,5 @@
 """Small pieces of linear algebra that several stages share."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Imports of large libraries: without a search for garbage, and without unused modules."""
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

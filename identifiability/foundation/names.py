@@ -27,8 +27,12 @@ Array = NDArray[Any]
 #: Names or sentences in order; and numbers by name, such as values by parameter.
 Strings: TypeAlias = tuple[str, ...]
 NumberByName: TypeAlias = Mapping[str, float]
+ArrayByName: TypeAlias = Mapping[str, Array]
 #: An object of JSON, by its keys.
 Json: TypeAlias = dict[str, Any]
+
+#: Values by the name of a field, an argument or a column.
+Fields: TypeAlias = dict[str, Any]
 
 #: Inertial parameters of a body in Pinocchio's order: mass, first moments, and the *tensor*
 #: entries of inertia (Ixy = -∫xy dm) about the origin of the body's joint frame.
@@ -48,7 +52,7 @@ BASE = "base"
 _INERTIAL_UNITS = {"m": "kg", "mx": "kg·m", "my": "kg·m", "mz": "kg·m"}
 
 
-def name_each(names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
+def name_each(names: Iterable[str], values: Iterable[Any]) -> Fields:
     """Return values by name; those of an array as plain numbers."""
     plain = values.tolist() if isinstance(values, np.ndarray) else values
     return dict(zip(names, plain, strict=True))

@@ -6,8 +6,6 @@ receives each argument as it was given. (pydantic's ``validate_call`` copies seq
 dataclasses, refuses NumPy's numbers and reports an error for each member of a union.)
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -31,6 +29,7 @@ from typing import (
 from typing import get_type_hints as resolve
 
 from .errors import IdentifiabilityError, near_match, with_article
+from .names import Fields
 from .values import frozen
 
 if TYPE_CHECKING:  # errors at the border load no library
@@ -129,7 +128,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     shape = signature(function)
 
     @cache
-    def kinds() -> dict[str, Any]:  # when it is first called: its module is complete then
+    def kinds() -> Fields:  # when it is first called: its module is complete then
         return resolve(function, include_extras=True)
 
     @wraps(function)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import OutputError
 from .findings import Finding
+from .names import Json
 from .options import FilePath, checked
 
 if TYPE_CHECKING:
@@ -191,6 +192,6 @@ def plain(value: Any) -> Any:
     return value
 
 
-def write_json(path: str | Path, content: dict[str, Any]) -> Path:
+def write_json(path: str | Path, content: Json) -> Path:
     """Write a JSON file."""
     return write_text(path, json.dumps(plain(content), indent=2, ensure_ascii=False) + "\n")

@@ -5,8 +5,6 @@ or an option. Such a name may hold quotes, line ends and commands. Each target h
 the others of a target build on it.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

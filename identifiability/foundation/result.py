@@ -6,12 +6,12 @@ from abc import ABC, abstractmethod
 from functools import cached_property
 from pathlib import Path
 from textwrap import fill, shorten
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from . import handed
 from .findings import Finding, of_key
 from .keyed import Keyed
-from .names import Strings
+from .names import Json, Strings
 from .output import check_ending, write_json
 from .presenter import in_words, present, presented
 from .wording import at_terminal, by_reader
@@ -60,7 +60,7 @@ class Result(Keyed, ABC):
         raise NotImplementedError
 
     @abstractmethod
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the answer in its documented JSON schema."""
 
     @property

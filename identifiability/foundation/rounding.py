@@ -4,8 +4,6 @@ Shares of simulated experiments have binomial intervals if trials are independen
 intervals otherwise.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from decimal import Decimal

@@ -3,8 +3,6 @@
 A sentence is written once, with the options of the command line. `worded` gives it to its reader.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """From files to `Log`: CSV, Parquet, bags of ROS, DataFrames, short and long."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

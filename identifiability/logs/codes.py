@@ -4,14 +4,12 @@ Registers of servos hold unsigned numbers. A signed number that crosses zero jum
 all codes, or by all of them. A column is decoded if that takes its jumps away.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from identifiability.foundation.errors import listing
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, ArrayByName
 from identifiability.foundation.values import frozen
 
 from .rules import RULES
@@ -66,7 +64,7 @@ class Code:
         return decoded > plain
 
 
-def show_codes(values: Mapping[str, Array]) -> dict[str, Code]:
+def show_codes(values: ArrayByName) -> dict[str, Code]:
     """Return the codes that columns show, by the kind of column.
 
     Parameters
@@ -81,7 +79,7 @@ def show_codes(values: Mapping[str, Array]) -> dict[str, Code]:
     }
 
 
-def find_codes(values: Mapping[str, Array], shown: Mapping[str, Code]) -> dict[str, Code]:
+def find_codes(values: ArrayByName, shown: Mapping[str, Code]) -> dict[str, Code]:
     """Return the codes of columns, by name.
 
     A column that is always negative does not show its code. Another one of its kind does, or the

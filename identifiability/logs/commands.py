@@ -5,8 +5,6 @@ command that acts at a sample is the mean over the interval around the sample. T
 continuous in the delay. Commands may have another clock than rows (`Log.commands_since`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -3,8 +3,6 @@
 A change of unit or sign is refused. Other contradictory derivatives are left out (`quality.mends`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

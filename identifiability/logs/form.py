@@ -3,8 +3,6 @@
 The first lines decide it once, before any number is read.
 """
 
-from __future__ import annotations
-
 import codecs
 import csv
 import re

@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Fields
 from identifiability.foundation.values import frozen
 
 from . import signals
@@ -65,7 +64,7 @@ class StaleRule:
 
     def mend(self, log: Log) -> Log:
         """Return a log with repeated values interpolated."""
-        changed: dict[str, Any] = {}
+        changed: Fields = {}
         for channel in self.share:
             x = np.asarray(getattr(log, channel))
             changed[channel] = interpolate(x, find_stale(x, self.steps[channel]))

@@ -21,7 +21,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, Strings, numbered, shorten_paths
+from identifiability.foundation.names import Array, Fields, Strings, numbered, shorten_paths
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import shown
@@ -276,7 +276,7 @@ class Log:
         return replace(self, **gather(pieces))
 
     @property
-    def _arrays(self) -> dict[str, Any]:
+    def _arrays(self) -> Fields:
         """Return the arrays that have a row for every sample, by name."""
         names = ("t", *self.channels, "rollout", "base", "unmeasured", "aside", "arrivals")
         found = {name: getattr(self, name) for name in names}
@@ -302,7 +302,7 @@ class Log:
 
     def without(self, channels: Sequence[str]) -> Log:
         """Return the log without some of its derivatives."""
-        none: dict[str, Any] = dict.fromkeys(channels)
+        none: Fields = dict.fromkeys(channels)
         return replace(self, **none)
 
     @cached_property
@@ -359,7 +359,7 @@ class Log:
         unmeasured = np.broadcast_to(other, self.tau.shape)
         if self.unmeasured is not None:
             unmeasured = unmeasured | self.unmeasured
-        moved = dict[str, Any]()
+        moved = Fields()
         if self.q_m is not None:
             moved = {"q": np.where(other, self.q, self.q_m), "dq": None, "ddq": None}
         unmeasured_some = unmeasured if unmeasured.any() else None
@@ -428,7 +428,7 @@ class Log:
 def join_logs(logs: Sequence[Log]) -> Log:
     """Return stretches of one log as a log with gaps."""
     parts = [log._arrays for log in logs]
-    joined: dict[str, Any] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
+    joined: Fields = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
     return replace(logs[0], **joined)
 
 
@@ -448,7 +448,7 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
     """Return the log in the pieces of a table."""
     values = reader.read(pieces)
     naming = reader.naming
-    fields: dict[str, Any] = dict.fromkeys(("q", "dq", "ddq", "tau")) | values
+    fields: Fields = dict.fromkeys(("q", "dq", "ddq", "tau")) | values
     notes = naming.notes
     t = values["t"]
     tau = values["tau"]

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Fields, Strings
 from identifiability.foundation.values import frozen
 
 from .checks import to_floats
@@ -261,7 +261,7 @@ def _turn(block: pd.DataFrame, layout: Layout, joints: Sequence[str], source: st
     if len(again):
         time = str(block[layout.time].iloc[again[0]])
         raise LogError(Finding("long.twice", source, joint=texts[again[0]], time=time))
-    columns: dict[str, Any] = {c: block[c].to_numpy()[new] for c in layout.times}
+    columns: Fields = {c: block[c].to_numpy()[new] for c in layout.times}
     for channel in layout.channels:
         given = block[channel].set_axis(cells)
         given = given.astype(float) if given.dtype.kind in "biuf" else given

@@ -8,8 +8,6 @@ panda, joint, 1, position*. It is a channel of a joint if it holds the joint's n
 one word for the channel. All its other words must be neutral. A command is no measurement.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Logs write such columns joint by joint, as ``elbow.tau_measured`` and ``elbow.ta
 pattern answers for all joints: ``--map '(.+)\.tau_measured=\1.tau'``.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import takewhile

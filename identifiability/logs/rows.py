@@ -1,10 +1,8 @@
 """Rows of a log of any length: gone through some at a time, in memory or mapped from a file."""
 
-from __future__ import annotations
-
 import mmap
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
@@ -16,7 +14,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, ArrayByName, Fields
 
 #: Decisions about a long log are made on a number of windows with a number of samples each.
 WINDOWS, WINDOW = 8, 16_384
@@ -70,7 +68,7 @@ def find_range(x: Array) -> tuple[Array, Array]:
     return np.min(lowest, axis=0), np.max(highest, axis=0)
 
 
-def gather(pieces: Iterable[Mapping[str, Array]]) -> dict[str, Any]:
+def gather(pieces: Iterable[ArrayByName]) -> Fields:
     """Return arrays whose rows come piece by piece, by name; none if there are no pieces.
 
     Many rows go to files that have no name, and are mapped from there: they end with the arrays.
@@ -81,7 +79,7 @@ def gather(pieces: Iterable[Mapping[str, Array]]) -> dict[str, Any]:
         If a disk is full.
     """
     kept = []
-    files: dict[str, Any] = {}
+    files: Fields = {}
     rows = 0
     folder = os.environ.get("TMPDIR") or (DISK if DISK.is_dir() else None)
     with ExitStack() as stack:

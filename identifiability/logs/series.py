@@ -23,7 +23,7 @@ import scipy
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF, TINY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Fields
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -152,7 +152,7 @@ def plant(log: Log, series: MotionSeries, rng: np.random.Generator) -> Log:
     """Return a log that moves as a series, with noise that resembles its residuals."""
     true = dict(zip(("q", "dq", "ddq"), series.motion, strict=True))
     left = series.left_of(log)
-    noisy: dict[str, Any] = {name: true[name] + resample(x, rng) for name, x in left.items()}
+    noisy: Fields = {name: true[name] + resample(x, rng) for name, x in left.items()}
     return replace(log, **noisy)
 
 

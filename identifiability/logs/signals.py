@@ -7,8 +7,6 @@ for all other motion, after a zero-phase Butterworth filter; `Decimation` if tor
 [Gautier 1997]). Else sharp friction steps are smoothed on one side of the equation only.
 """
 
-from __future__ import annotations
-
 from functools import cache, cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Single wrong samples of a column, found among their neighbours, and angles that wrap around."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import groupby, pairwise

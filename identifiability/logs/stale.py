@@ -5,8 +5,6 @@ some rows repeat a command, and no row holds the command after it. Commands that
 which rows these are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from operator import itemgetter

@@ -15,7 +15,7 @@ from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, ArrayByName
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.robot.floating import BASE_JOINTS
 
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 LEAST = 3
 
 
-def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
+def unify_rates(values: ArrayByName) -> tuple[dict[str, Array], str]:
     """Return columns at the same times, and a note on the changes; empty if there were none.
 
     Parameters
@@ -305,7 +305,7 @@ class TableReader:
                 torque |= {f"{j}.{kind}": 0.0 for j in naming.joints}  # of the others it is no data
         self._lacks = {c: x for c, x in torque.items() if c not in self._numbers}
 
-    def _check_locked(self, locked: Mapping[str, Array]) -> Iterator[str]:
+    def _check_locked(self, locked: ArrayByName) -> Iterator[str]:
         """Refuse a lock that contradicts the positions, and report where the joint stands.
 
         Raises
@@ -332,7 +332,7 @@ class TableReader:
                     f"lock it there, {lock}"
                 )
 
-    def _check(self, values: Mapping[str, Array]) -> None:
+    def _check(self, values: ArrayByName) -> None:
         """Refuse impossible values."""
         numbers = self._numbers
         torques = [x for c, x in numbers.items() if c.endswith(".tau")]
@@ -396,7 +396,7 @@ def add_lengths(frame: pd.DataFrame, known: Conventions) -> pd.DataFrame:
     return frame.assign(**more) if more else frame
 
 
-def move_motors(columns: Mapping[str, Array], known: Conventions) -> dict[str, Array]:
+def move_motors(columns: ArrayByName, known: Conventions) -> dict[str, Array]:
     """Return the motion of coupled motors by that of the joints, if columns hold only this."""
     gear = known.gear
     found = dict[str, Array]()
@@ -411,7 +411,7 @@ def move_motors(columns: Mapping[str, Array], known: Conventions) -> dict[str, A
     return found
 
 
-def stack_channels(joints: Sequence[str], columns: Mapping[str, Array]) -> dict[str, Array]:
+def stack_channels(joints: Sequence[str], columns: ArrayByName) -> dict[str, Array]:
     """Return times, and the channels (N, n) that columns (N,) hold for every joint."""
     kinds = [c for c in CHANNELS if all(f"{j}.{c}" in columns for j in joints)]
     stacked = {c: np.stack([columns[f"{j}.{c}"] for j in joints]).T for c in kinds}

@@ -4,8 +4,6 @@ Bodies are those of the robot file; a body without values in the file is replace
 `state_mass` checks whether the total mass of the bodies is plausible.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache

@@ -4,8 +4,6 @@ A body of some mass has a least inertia, that of a ball of the densest material.
 than the robot itself, and a robot is not lighter than thin air.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

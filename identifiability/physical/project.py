@@ -9,8 +9,6 @@ What to use when: `project` for one estimate; `Projection` when many data sets s
 Two things keep the optimum right: R is factored, never squared, and the columns are scaled.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import suppress

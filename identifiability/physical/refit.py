@@ -1,7 +1,5 @@
 """Refits of a model to physically consistent values, with one number fixed: for its profile."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

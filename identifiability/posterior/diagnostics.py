@@ -3,8 +3,6 @@
 Does the likelihood decide, or the density that the prior happens to have at the edge?
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any

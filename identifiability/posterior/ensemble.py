@@ -7,6 +7,8 @@ Several independent ensembles start at different points. emcee's `DESnookerMove`
 at 37 dimensions its standard deviations are 27 % too small in emcee 3.1.6.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -51,7 +53,7 @@ def sample_posterior(
     walkers: int = 64,
     warmup: int = 20,
     pieces: int | None = None,
-    enough: Callable[["Posterior"], bool] | None = None,
+    enough: Callable[[Posterior], bool] | None = None,
     progress: Steps | None = None,
 ) -> Posterior:
     """Draw from a posterior with emcee, until it is enough or the budget is used up.

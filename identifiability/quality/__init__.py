@@ -6,8 +6,6 @@ limits and physics. Each observation or action is a `Finding`; `foundation.findi
 table of them.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from pkgutil import iter_modules
 

@@ -3,8 +3,6 @@
 They also find impossible values in the robot file, and joints without information.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

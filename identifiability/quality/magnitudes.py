@@ -1,7 +1,5 @@
 """Torque columns that hold magnitudes: the sign of the torque was lost before it was logged."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -4,8 +4,6 @@ The corrections concern stuck torque and repeated rows in motion, wrapped angles
 stale commands, commands without torque, and derivatives of another motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -16,7 +14,7 @@ import numpy as np
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import rms_of
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Fields
 from identifiability.logs import Log
 from identifiability.logs.checks import COMMANDS
 from identifiability.logs.commands import find_exchanged, of_commands, state_exchanged
@@ -235,7 +233,7 @@ def mend_log(log: Log) -> Mended:
 
 
 def _mend(log: Log, origin: int, wrong: Mapping[str, list[Spike]]) -> Log:
-    channels: dict[str, Any] = {}
+    channels: Fields = {}
     for kind in log.channels:
         columns = zip(log.joints, getattr(log, kind).T, strict=True)
         each = [mend_column(x, wrong.get(f"{joint}.{kind}", ()), origin) for joint, x in columns]
@@ -356,7 +354,7 @@ def _advance(log: Log, late: Sequence[Contradiction], rows: Log, start: int) -> 
     near = log.rows(max(start - reach, 0), start + len(rows) + reach)
     lags = {(c.joint, c.kind): c.lag for c in late}
     behind = np.zeros(len(log.joints))
-    moved = dict[str, Any]()
+    moved = Fields()
     for kind in [c for c in _DERIVATIVES if c in log.channels]:
         # An acceleration was compared with the velocity as it was logged.
         behind += [lags.get((joint, kind), 0.0) for joint in log.joints]

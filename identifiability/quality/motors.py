@@ -4,8 +4,6 @@ Readings exchange and reverse torque of joints. The torque of a coupled motor is
 torque of several joints, so that no reading of joints mends its column.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """`Recordings`: logs as they were measured, read once, with outlying samples repaired."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

@@ -6,8 +6,6 @@ searches for the reading that the fitted rows prefer (`search`). `CarriedReading
 a result, with which new logs are read (`carried`).
 """
 
-from __future__ import annotations
-
 from .carried import CarriedReading, ReadingEntry
 from .reading import Reading
 from .search import choose_reading, contradicts

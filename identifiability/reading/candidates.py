@@ -3,8 +3,6 @@
 The sidecar can state how torque is to be read. Then no other way is tried.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace

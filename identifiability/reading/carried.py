@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import scipy
@@ -18,7 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from identifiability.effects.base import GravityTilt
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Fields, Json
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare.dataset import Dataset
@@ -111,9 +110,9 @@ class CarriedReading:
         reading = Reading(**texts, **arrays, parameters=np.array(values), link_side=sides)
         return CarriedReading(reading, structure)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the reading as JSON keeps it."""
-        values: dict[str, Any] = {name: getattr(self.reading, name) for name in TEXTS + NUMBERS}
+        values: Fields = {name: getattr(self.reading, name) for name in TEXTS + NUMBERS}
         values |= {name: getattr(self.reading, name).tolist() for name in (*LISTS, "link_side")}
         pairs = zip(self.structure.columns, self.reading.parameters.tolist(), strict=False)
         verification = self.reading.verification

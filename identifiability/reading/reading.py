@@ -11,14 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from identifiability.effects.base import GravityTilt
 from identifiability.effects.inertia import Payload
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Fields
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -249,7 +248,7 @@ class Reading:
         torque[motion.kept] = 0.5 * self.compensated * (down - up)
         return torque
 
-    def _moved(self, log: Log) -> dict[str, Any]:
+    def _moved(self, log: Log) -> Fields:
         """Return the corrected motion columns that the log has, (N, n) by name."""
         if not self.moves_joints:
             return {}

@@ -10,8 +10,6 @@ Held-out logs choose nothing. One unit shared by all columns is no reading: a li
 tell it from other masses.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property

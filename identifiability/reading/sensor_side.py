@@ -6,8 +6,6 @@ of the file's rotor inertias, with any friction, must fit worse than neither. Dr
 in the file are no evidence, because they may have none.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

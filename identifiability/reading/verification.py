@@ -6,12 +6,9 @@ functions of the motion. An effect that the model lacks is such a function. It r
 parts, so it must not count as evidence.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 
+from identifiability.foundation.names import Json
 from identifiability.foundation.values import frozen
 
 from .rules import RULES
@@ -72,7 +69,7 @@ class Verification:
             return "These logs cannot confirm it."
         return "Rows that did not choose it do not confirm it, so it is not used."
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return it as plain values."""
         return {
             "gain": self.gain,

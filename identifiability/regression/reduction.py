@@ -24,7 +24,14 @@ from identifiability.effects.measurement import TorqueOffset
 from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF, or_one
-from identifiability.foundation.names import Array, Strings, find_named, is_pattern, specificity
+from identifiability.foundation.names import (
+    Array,
+    Fields,
+    Strings,
+    find_named,
+    is_pattern,
+    specificity,
+)
 from identifiability.foundation.options import Expected
 from identifiability.foundation.quoting import for_toml, toml_comment
 from identifiability.foundation.values import frozen
@@ -337,7 +344,7 @@ class Submodel:
 
     def _keep(self, kept: list[int]) -> Submodel:
         words = ("columns", "labels", "units")
-        own: dict[str, Any] = {w: tuple(getattr(self, w)[k] for k in kept) for w in words}
+        own: Fields = {w: tuple(getattr(self, w)[k] for k in kept) for w in words}
         return replace(self, **own, M=self.M[:, kept], nonnegative=self.nonnegative[kept])
 
     def ordered(self, columns: Sequence[str]) -> Submodel:

@@ -19,7 +19,7 @@ from identifiability.effects.inertia import RigidBody
 from identifiability.effects.registry import split_places
 from identifiability.foundation.engines import Engine, Result, Serial, Steps
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.names import Array, NumberByName, Parameter, Strings
+from identifiability.foundation.names import Array, Fields, NumberByName, Parameter, Strings
 from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.stages import Stages
@@ -292,7 +292,7 @@ class Chunk:
     def rows(self, start: int, stop: int) -> Chunk:
         """Return a copy of some of its rows."""
         arrays = {k: v for k, v in vars(self).items() if isinstance(v, np.ndarray)}
-        own: dict[str, Any] = {k: v[start:stop].copy() for k, v in arrays.items()}
+        own: Fields = {k: v[start:stop].copy() for k, v in arrays.items()}
         return replace(self, start=self.start + start, **own)
 
 

@@ -6,8 +6,6 @@ from that of the actuated ones, with closed loops.
 Names are imported when they are first used, so code that only finds a file does not load Pinocchio.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

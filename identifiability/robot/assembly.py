@@ -4,8 +4,6 @@ It finds the joints that move the robot, the locked ones and the dependent ones.
 home position fits them. It adds axes that combine joints, and the sidecar's data on masses.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +18,7 @@ from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import (
     INERTIAL_KINDS,
     Array,
+    Fields,
     NumberByName,
     Renames,
     Strings,
@@ -541,7 +540,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     return robot
 
 
-def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
+def _state_sidecar(extra: Sidecar) -> Fields:
     """Return the fields of a `Description` that a sidecar states."""
     prior = {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()}
     ties = tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry)
@@ -562,7 +561,7 @@ def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
     }
 
 
-def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
+def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> Fields:
     """Return loops, springs, limits and torque columns; the sidecar overrides the robot file."""
     loops = stated.loops
     if extra.loops is not None:
@@ -592,7 +591,7 @@ def _torque_by_joint(robot: Description, motors: Strings) -> MeasuredTorque:
         If a name is no actuated joint or motor, or if keys cannot be combined.
     """
     # A key that nobody stated stays unstated: a copy of it would count as stated.
-    said: dict[str, Any] = {}
+    said: Fields = {}
     for key, value in robot.torque:
         name = f"torque.{key}"
         if isinstance(value, dict):

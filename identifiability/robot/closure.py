@@ -17,7 +17,7 @@ import scipy
 
 from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF, TINY
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Fields, Strings
 from identifiability.foundation.values import frozen
 
 from .description import Axis, Cable, Coupling, Description
@@ -479,7 +479,7 @@ class Motion:
 
     def __getitem__(self, rows: slice | Array) -> Motion:
         """Return the motion at some samples."""
-        parts: dict[str, Any] = {name: own[rows] for name, own in self.each.items()}
+        parts: Fields = {name: own[rows] for name, own in self.each.items()}
         return replace(self, **parts)
 
 

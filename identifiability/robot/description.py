@@ -18,7 +18,14 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import GROUPED_KINDS, Array, NumberByName, Renames, Strings
+from identifiability.foundation.names import (
+    GROUPED_KINDS,
+    Array,
+    Json,
+    NumberByName,
+    Renames,
+    Strings,
+)
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 
@@ -403,7 +410,7 @@ class Tilt:
             "from the direction that the file states"
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return it as plain values."""
         return {"direction": self.direction.tolist(), "degrees": self.degrees}
 
@@ -534,9 +541,9 @@ class Description(Stated):
         return self.servo
 
     @property
-    def identity(self) -> dict[str, Any]:
+    def identity(self) -> Json:
         """Return the robot's entry in the JSON of results, such as name, hash and locked joints."""
-        said: dict[str, Any] = {"name": self.name, "title": self.title, "sha256": self.sha256}
+        said: Json = {"name": self.name, "title": self.title, "sha256": self.sha256}
         if self.tilt is not None:
             said |= {"gravity": self.tilt.to_dict()}
         if self.locked:

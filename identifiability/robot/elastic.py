@@ -5,13 +5,12 @@ link is a body inside it, with the name, shapes and masses of the body before, o
 the stiffness and damping of the spring. Read as a rigid robot, the spring stands still.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -76,7 +75,7 @@ def find_springs(m: Any, driven: Collection[str], tied: Collection[str]) -> dict
     return found
 
 
-def write_springs(top: ET.Element, path: Path, m: Any, springs: Mapping[str, Spring]) -> None:
+def write_springs(top: Element, path: Path, m: Any, springs: Mapping[str, Spring]) -> None:
     """Write springs into an MJCF; a joint that has none yet is split into motor and link.
 
     Parameters
@@ -112,7 +111,7 @@ def write_springs(top: ET.Element, path: Path, m: Any, springs: Mapping[str, Spr
 
 
 def _split(
-    top: ET.Element, path: Path, name: str, numbers: Mapping[str, str], taken: set[str | None]
+    top: Element, path: Path, name: str, numbers: Mapping[str, str], taken: set[str | None]
 ) -> None:
     """Move all of a body that is behind a joint into a new body on a spring."""
     chain = next((chain for chain in _chains(top) if _last_joint(chain[-1]) == name), None)
@@ -126,7 +125,7 @@ def _split(
     parts = list(body)
     kept = body.findall("joint")
     joint = kept[-1]
-    link = ET.Element("body", name=body.get("name", ""))
+    link = Element("body", name=body.get("name", ""))
     if "gravcomp" in body.attrib:
         link.set("gravcomp", body.attrib.pop("gravcomp"))
     place = {word: joint.attrib[word] for word in _PLACE if word in joint.attrib}
@@ -149,7 +148,7 @@ def _unused(name: str, taken: set[str | None]) -> str:
     return name
 
 
-def _chains(top: ET.Element) -> Iterator[list[ET.Element]]:
+def _chains(top: Element) -> Iterator[list[Element]]:
     """Yield every body with all bodies around it, the outermost first."""
     open_ = [[body] for world in top.iter("worldbody") for body in _parts(world)]
     while open_:
@@ -158,7 +157,7 @@ def _chains(top: ET.Element) -> Iterator[list[ET.Element]]:
         open_ += [[*chain, body] for body in _parts(chain[-1])]
 
 
-def _parts(element: ET.Element) -> list[ET.Element]:
+def _parts(element: Element) -> list[Element]:
     """Return the bodies in a body, also those in frames."""
     found = element.findall("body")
     for frame in element.findall("frame"):
@@ -166,13 +165,13 @@ def _parts(element: ET.Element) -> list[ET.Element]:
     return found
 
 
-def _last_joint(body: ET.Element) -> str | None:
+def _last_joint(body: Element) -> str | None:
     """Return the name of the last joint of a body; None if it has no joint."""
     names = [e.get("name", "") for e in body if e.tag in ("joint", "freejoint")]
     return names[-1] if names else None
 
 
-def _exclude(top: ET.Element, chain: Sequence[ET.Element]) -> None:
+def _exclude(top: Element, chain: Sequence[Element]) -> None:
     """Exclude contacts of a link with the body that it turns on, as MuJoCo does without a spring.
 
     Bodies without joints are part of the body that carries them.
@@ -192,7 +191,7 @@ def _exclude(top: ET.Element, chain: Sequence[ET.Element]) -> None:
             )
 
 
-def _fixed_to(body: ET.Element) -> list[ET.Element]:
+def _fixed_to(body: Element) -> list[Element]:
     """Return a body, and the bodies that are fixed to it."""
     out = [body]
     for child in _parts(body):
@@ -201,7 +200,7 @@ def _fixed_to(body: ET.Element) -> list[ET.Element]:
     return out
 
 
-def _lengthen_keys(top: ET.Element, m: Any, joints: Collection[str]) -> None:
+def _lengthen_keys(top: Element, m: Any, joints: Collection[str]) -> None:
     """Add springs at rest to the positions and velocities of keyframes."""
     keys = [e for part in top.iter("keyframe") for e in part]
     for word, places in (("qpos", m.jnt_qposadr), ("qvel", m.jnt_dofadr)):

@@ -3,8 +3,6 @@
 A URDF needs links without mass between the axes of one joint for a universal joint.
 """
 
-from __future__ import annotations
-
 import copy
 import os
 import sys
@@ -15,13 +13,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import find_named
+from identifiability.foundation.names import Fields, find_named
 from identifiability.foundation.options import Root, Side
 from identifiability.foundation.quoting import for_toml
 
@@ -93,7 +92,7 @@ def read_robot(
     return replace(robot, lock_option=option, base_option=base, said=said)
 
 
-def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
+def _read_urdf(path: Path, root: Element, extra: Sidecar) -> Stated:
     """Return the statements of a URDF, with mimic joints as couplings and locked joints welded."""
     if root.find("link") is None:
         raise RobotError(
@@ -135,7 +134,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     )
 
 
-def _build_model(path: Path, root: ET.Element) -> Any:
+def _build_model(path: Path, root: Element) -> Any:
     """Return the Pinocchio model of a URDF.
 
     Raises
@@ -156,7 +155,7 @@ def _build_model(path: Path, root: ET.Element) -> Any:
 
 
 def _read_mimics(
-    path: Path, joints: Mapping[str, ET.Element], fixed: Collection[str], extra: Sidecar
+    path: Path, joints: Mapping[str, Element], fixed: Collection[str], extra: Sidecar
 ) -> list[Coupling]:
     """Return the mimic joints of a URDF as couplings.
 
@@ -186,7 +185,7 @@ def _read_mimics(
     return found
 
 
-def _read_limits(model: Any, tree: Tree) -> dict[str, Any]:
+def _read_limits(model: Any, tree: Tree) -> Fields:
     """Return limits, damping and dry friction of the joints with one axis, as `Stated` has them."""
     joints = tree.single.items()
     low = model.lowerPositionLimit
@@ -209,7 +208,7 @@ def _read_limits(model: Any, tree: Tree) -> dict[str, Any]:
 WORLD_LINK = "world"
 
 
-def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
+def release_root(root: Element, base: str | None) -> tuple[Element, str]:
     """Return a URDF whose root is the floating link, if any, and the name of its support.
 
     The support is the joint of type ``floating`` that carries the rest, or the root link itself if
@@ -243,7 +242,7 @@ def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
 _BETWEEN = tuple(f"{joint} link" for joint in BASE_JOINTS[:-1])
 
 
-def _add_base(root: ET.Element) -> ET.Element:
+def _add_base(root: Element) -> Element:
     """Return a URDF with three slides and three hinges before the root link."""
     made = copy.deepcopy(root)
     above = "world of the base"
@@ -290,9 +289,9 @@ _NEEDED = {
 }
 
 
-def _keep_needed(root: ET.Element) -> ET.Element:
+def _keep_needed(root: Element) -> Element:
     """Return a copy of a URDF without visuals, collisions and parts for simulators."""
-    bare = ET.Element(root.tag, root.attrib)
+    bare = Element(root.tag, root.attrib)
     for part in root:
         if part.tag in _NEEDED["robot"]:
             kept = ET.SubElement(bare, part.tag, part.attrib)
@@ -300,7 +299,7 @@ def _keep_needed(root: ET.Element) -> ET.Element:
     return bare
 
 
-def plain_urdf(root: ET.Element, name: str) -> str:
+def plain_urdf(root: Element, name: str) -> str:
     """Return a URDF with the parts that identification needs; continuous joints become revolute.
 
     Pinocchio represents a continuous joint by cosine and sine, which do not count turns, but mimic

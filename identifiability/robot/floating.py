@@ -8,8 +8,6 @@ zero, except for external forces. Measured external forces are known; `eliminate
 others.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import Literal

@@ -4,8 +4,6 @@ A body exists if its mass is not negative and its principal moments about the ce
 those of some density: none is negative, and none is more than the sum of the others.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
 from pathlib import Path

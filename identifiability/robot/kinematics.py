@@ -4,8 +4,6 @@ Joints are read once from a Pinocchio model, in which locked joints are welded. 
 and rotations, the last axis is the sample.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable
 from functools import cached_property
 from pathlib import Path

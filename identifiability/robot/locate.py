@@ -3,8 +3,6 @@
 A file that is too large, or includes itself, is refused at once.
 """
 
-from __future__ import annotations
-
 import codecs
 import contextlib
 import math
@@ -13,6 +11,7 @@ from collections import Counter
 from importlib import resources
 from io import BytesIO
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 from identifiability.foundation.errors import RobotError, near_match
 from identifiability.foundation.quoting import for_python, path_for_shell
@@ -217,7 +216,7 @@ class _Builder:
             "and write its entities where they are used."
         )
 
-    def start(self, tag: str, attributes: dict[str, str]) -> ET.Element:
+    def start(self, tag: str, attributes: dict[str, str]) -> Element:
         """Add an element."""
         self.room -= 1
         self.level += 1
@@ -241,12 +240,12 @@ class _Builder:
             what = f"<{tag} {key}=…>, with a number larger than {MOST_COPIES[key]}"
             raise _too_large(self.path, what)
 
-    def end(self, tag: str) -> ET.Element:
+    def end(self, tag: str) -> Element:
         """End an element."""
         self.level -= 1
         return self.tree.end(tag)
 
-    def close(self) -> ET.Element:
+    def close(self) -> Element:
         """Return the root element."""
         return self.tree.close()
 
@@ -260,7 +259,7 @@ def _read_numbers(text: str) -> list[float]:
     return found
 
 
-def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> ET.Element:
+def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> Element:
     """Return the root element of a file, which must be one of some.
 
     Parameters
@@ -294,7 +293,7 @@ def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> 
     return root
 
 
-def expand_includes(path: Path, root: ET.Element, found: list[Path], room: int) -> int:
+def expand_includes(path: Path, root: Element, found: list[Path], room: int) -> int:
     """Insert the children of included files, and record these files.
 
     Parameters
@@ -338,7 +337,7 @@ def _too_large(path: Path, what: str) -> RobotError:
     return RobotError(f"{path} is too large: it has {what}; simplify it.")
 
 
-def _check_size(path: Path, root: ET.Element) -> None:
+def _check_size(path: Path, root: Element) -> None:
     """Refuse a file whose size, with its copies, would take minutes or all the memory.
 
     A body without a joint is part of its parent.
@@ -372,7 +371,7 @@ def _check_size(path: Path, root: ET.Element) -> None:
         _check_parts(path, root)
 
 
-def _check_parts(path: Path, root: ET.Element) -> None:
+def _check_parts(path: Path, root: Element) -> None:
     """Refuse an MJCF with too many parts to remove."""
     found = Counter({tag: sum(map(len, root.findall(tag))) for tag in MOST_PARTS})
     found["light"] = sum(1 for _ in root.iter("light"))
@@ -381,7 +380,7 @@ def _check_parts(path: Path, root: ET.Element) -> None:
             raise _too_large(path, f"{found[tag]} parts of <{tag}>, and up to {most} are read")
 
 
-def _count_attached(path: Path, root: ET.Element) -> int:
+def _count_attached(path: Path, root: Element) -> int:
     """Return the elements of the largest model that an MJCF attaches.
 
     MuJoCo reads these files by itself, so they are checked before it does.
@@ -407,19 +406,19 @@ def _count_attached(path: Path, root: ET.Element) -> int:
     return largest
 
 
-def _count_copies(element: ET.Element) -> int:
+def _count_copies(element: Element) -> int:
     """Return how many copies an element of an MJCF asks for."""
     numbers = _read_numbers(element.get("count", ""))
     return math.prod(max(1, round(number)) for number in numbers)
 
 
-def _count_parts(element: ET.Element) -> int:
+def _count_parts(element: Element) -> int:
     """Return the number of elements that an element expands to, apart from its children."""
     makes_parts = element.tag == "flexcomp" or (element.tag == "replicate" and not len(element))
     return _count_copies(element) if makes_parts else 1
 
 
-def read_markup(path: Path) -> ET.Element:
+def read_markup(path: Path) -> Element:
     """Return the root element of a robot file, with MJCF includes in their places.
 
     Raises
@@ -437,7 +436,7 @@ def is_computed(text: str) -> bool:
     return "${" in text or "$(" in text
 
 
-def _check_expanded(path: Path, root: ET.Element) -> None:
+def _check_expanded(path: Path, root: Element) -> None:
     """Refuse a xacro file that is not expanded: the parts of its macros would be lost."""
     for element in root.iter():
         space, _, tag = element.tag.rpartition("}")
@@ -450,7 +449,7 @@ def _check_expanded(path: Path, root: ET.Element) -> None:
             )
 
 
-def file_text(path: Path, root: ET.Element) -> str:
+def file_text(path: Path, root: Element) -> str:
     """Return an MJCF as one text, with its includes inserted."""
     try:
         text = read_bytes(path).decode("utf-8-sig")
@@ -461,7 +460,7 @@ def file_text(path: Path, root: ET.Element) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
-def read_included(path: Path) -> tuple[ET.Element, list[Path]]:
+def read_included(path: Path) -> tuple[Element, list[Path]]:
     """Return the root element of a robot file and the files that are included in it, in place.
 
     Raises
@@ -477,7 +476,7 @@ def read_included(path: Path) -> tuple[ET.Element, list[Path]]:
     return root, found
 
 
-def drop_repeated(root: ET.Element) -> None:
+def drop_repeated(root: Element) -> None:
     """Remove repeated elements of a URDF; readers take the first, and MuJoCo refuses them."""
     for element in (*root.findall("joint"), *root.iter("inertial")):
         seen = set()

@@ -22,7 +22,7 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import Array, NumberByName, Strings
+from identifiability.foundation.names import Array, Fields, NumberByName, Strings
 from identifiability.foundation.values import frozen
 
 from .assembly import read_locks, resolve_locks
@@ -768,7 +768,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     )
 
 
-def _compile_robot(path: Path, extra: Sidecar) -> tuple[Any, Any, str | None, dict[str, Any]]:
+def _compile_robot(path: Path, extra: Sidecar) -> tuple[Any, Any, str | None, Fields]:
     """Return the compiled scene, the compiled robot, and the free joint that it floats on, if any.
 
     The last item holds two fields of `Stated`: the bodies that are left out, and the mesh files.

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, ArrayByName, Strings
 from identifiability.foundation.rounding import REACH, format_number, measured
 from identifiability.foundation.values import frozen
 
@@ -121,7 +121,7 @@ class Servo:
         """Distance over which dry friction of each joint builds up, (n,): zero for none."""
         return self.slide if self.slide.size else np.zeros(len(self.kp))
 
-    def having(self, gains: Mapping[str, Array]) -> Servo:
+    def having(self, gains: ArrayByName) -> Servo:
         """Return the servos with other ``kp``, ``kv`` and ``ki``, each (n,), if given.
 
         A ``limit`` above zero also limits the torque, unless its limits are already lower.
@@ -250,7 +250,7 @@ def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:
 
 
 def read_servo(
-    path: Path, entry: ServoEntry | None, stated: Mapping[str, Array], joints: Strings
+    path: Path, entry: ServoEntry | None, stated: ArrayByName, joints: Strings
 ) -> Servo | None:
     """Return the servos of sidecar and robot file; None if they state none.
 

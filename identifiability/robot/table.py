@@ -29,13 +29,12 @@ A modified frame is that of the URDF link. A standard one lies behind the joint:
 (``convention = "frames"``), as a URDF does.
 """
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -45,7 +44,7 @@ from identifiability.foundation.documents import Span, first_problem, read_docum
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Fields, Strings
 from identifiability.foundation.output import check_apart, check_ending, write_text, write_together
 from identifiability.foundation.quoting import fits_xml, for_xml, for_xml_comment
 
@@ -220,9 +219,9 @@ def _check(source: str, table: Table) -> None:
             joints += [row.joint]
 
 
-def _urdf(table: Table, base: str = BASE) -> ET.Element:
+def _urdf(table: Table, base: str = BASE) -> Element:
     """Return the URDF: a link and a joint a row, of standard rows the frame behind the joint."""
-    top = ET.Element("robot", name=table.name)
+    top = Element("robot", name=table.name)
     ET.SubElement(top, "link", name=base)
     before = base
     ends = {base: base}
@@ -253,7 +252,7 @@ def _urdf(table: Table, base: str = BASE) -> ET.Element:
     return top
 
 
-def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
+def _inertial(link: Element, row: Row, inside: pin.SE3) -> None:
     """Write a row's mass, centre and inertia in the frame of its link; `inside` is their frame."""
     if row.joint is None and row.mass is None:
         return
@@ -300,9 +299,9 @@ def in_file(robot: Description, most: int) -> dict[str, Coupling]:
 GROUND = "world"
 
 
-def converted_mjcf(robot: Description) -> ET.Element:
+def converted_mjcf(robot: Description) -> Element:
     """Return the file, with placeholders for inertias; loops are connections of sites."""
-    top = ET.Element("mujoco", model=robot.title)
+    top = Element("mujoco", model=robot.title)
     ET.SubElement(top, "compiler", angle="radian")
     gravity = np.array(robot.model.gravity.linear)
     ET.SubElement(top, "option", gravity=numbers(gravity))
@@ -345,7 +344,7 @@ def converted_mjcf(robot: Description) -> ET.Element:
     return top
 
 
-def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Description) -> None:
+def _add_closures(top: Element, bodies: dict[str, Element], robot: Description) -> None:
     equality = ET.SubElement(top, "equality")
     for loop, pair in zip(robot.loops, ends_of(robot, GROUND), strict=True):
         sites = {f"site{k}": f"{loop.name} {k}" for k in (1, 2)}
@@ -379,7 +378,7 @@ def links_between(robot: Description) -> dict[str, str]:
     return out
 
 
-def converted_urdf(robot: Description) -> ET.Element:
+def converted_urdf(robot: Description) -> Element:
     """Return the file with placeholders for inertias; loops are in the sidecar."""
     rows = list[Row]()
     ground = ground_of(robot)
@@ -426,7 +425,7 @@ def converted_urdf(robot: Description) -> ET.Element:
 _ANEW = ("locked", "massless", "loops", "couplings", "axes", "actuated", "home", "rest")
 
 
-def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
+def converted_sidecar(robot: Description, path: Path) -> Fields:
     """Return the content of a robot's sidecar for a robot file at another path.
 
     Raises
@@ -439,7 +438,7 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
     columns = given.get("columns", {})
     given["columns"] = {k: x for k, x in columns.items() if k not in robot.locked}
     given["effects"] = [e for e in robot.said.effects if e.partition("@")[2] not in robot.locked]
-    new: dict[str, Any] = {}
+    new: Fields = {}
     mjcf = path.suffix == ".xml"
     if not mjcf:
         new["actuated"] = list(robot.joints)
@@ -474,7 +473,7 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
 # the text of its file. It has no geometry, so a simulator shows nothing and nothing collides.
 
 
-def _check_names(top: ET.Element, source: str | Path) -> None:
+def _check_names(top: Element, source: str | Path) -> None:
     """Refuse names that a robot file cannot hold.
 
     Raises

@@ -4,8 +4,6 @@ It writes inertials, friction, rotors, springs, fixed tendons and servos. Torque
 constant forces of actuators.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 import xml.etree.ElementTree as ET
@@ -13,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
 import numpy as np
@@ -21,7 +20,7 @@ import pinocchio as pin
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array, NumberByName, Strings
+from identifiability.foundation.names import Array, ArrayByName, Fields, NumberByName, Strings
 from identifiability.foundation.output import write_together
 from identifiability.foundation.quoting import for_xml, for_xml_comment, toml_comment
 
@@ -52,7 +51,7 @@ _PIECE = re.compile(rf"""((?:[^<]|{_ASIDE})*)(</?[^!?\s/>]+)((?:{_QUOTED}|[^>"']
 _ATTRIBUTE = re.compile(rf"(\s+)([^\s=/>]+)(\s*=\s*)({_QUOTED})")
 
 
-def read_elements(content: bytes) -> ET.Element:
+def read_elements(content: bytes) -> Element:
     """Return the root element of a file; names with prefixes stay as they are written."""
     builder = ET.TreeBuilder()
     parser = expat.ParserCreate()
@@ -120,7 +119,7 @@ def _alike(text: str, other: str) -> bool:
     return bool(np.all(apart <= TINY * largest))
 
 
-def part_of(element: ET.Element, tag: str) -> ET.Element:
+def part_of(element: Element, tag: str) -> Element:
     """Return a part of an element; make it if it is missing."""
     found = element.find(tag)
     if found is None:
@@ -150,9 +149,7 @@ def numbers(values: Array) -> str:
     return " ".join(f"{v:.17g}" for v in values)
 
 
-def urdf_joint(
-    top: ET.Element, name: str, kind: str, parent: str, child: str, place: Any
-) -> ET.Element:
+def urdf_joint(top: Element, name: str, kind: str, parent: str, child: str, place: Any) -> Element:
     """Add a joint to a URDF, at a place (pinocchio.SE3) in the frame of its parent."""
     made = ET.SubElement(top, "joint", name=name, type=kind)
     ET.SubElement(made, "parent", link=parent)
@@ -162,7 +159,7 @@ def urdf_joint(
     return made
 
 
-def urdf_inertial(link: ET.Element, mass: float, centre: Array, inertia: Array) -> None:
+def urdf_inertial(link: Element, mass: float, centre: Array, inertia: Array) -> None:
     """Write mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg·m²] of a link of a URDF."""
     made = part_of(link, "inertial")
     part_of(made, "origin").attrib |= {"xyz": numbers(centre), "rpy": "0 0 0"}
@@ -171,13 +168,13 @@ def urdf_inertial(link: ET.Element, mass: float, centre: Array, inertia: Array) 
     part_of(made, "inertia").attrib |= {word: f"{x:.17g}" for word, x in entries.items()}
 
 
-def in_radians(top: ET.Element) -> bool:
+def in_radians(top: Element) -> bool:
     """Return whether the angles of an MJCF are in radians; MuJoCo's default is degrees."""
     stated = [c.get("angle") for c in top.iter("compiler") if c.get("angle")]
     return bool(stated) and stated[-1] == "radian"
 
 
-def clear_mjcf(top: ET.Element) -> None:
+def clear_mjcf(top: Element) -> None:
     """Remove attributes by which compilation would change the written values or add to them.
 
     Actuators of dry friction add to that of their joints, so they are removed, too.
@@ -191,7 +188,7 @@ def clear_mjcf(top: ET.Element) -> None:
                 element.attrib.pop(key, None)
 
 
-def write_option(top: ET.Element, name: str, value: str) -> None:
+def write_option(top: Element, name: str, value: str) -> None:
     """Write an option into an MJCF."""
     for element in top.findall("option") or [ET.SubElement(top, "option")]:
         element.set(name, value)
@@ -216,9 +213,7 @@ def affine_law(gain: float, bias: Array, ki: float = 0.0) -> dict[str, str]:
     return law
 
 
-def write_friction(
-    top: ET.Element, owners: Mapping[Any, ET.Element], distances: NumberByName
-) -> None:
+def write_friction(top: Element, owners: Mapping[Any, Element], distances: NumberByName) -> None:
     """Move dry friction of joints and tendons to actuators, where it builds up [Dahl 1968].
 
     MuJoCo bends bristles. These actuators have no command, and come last, so that the others keep
@@ -252,9 +247,7 @@ def write_friction(
             ET.SubElement(place, "general", own | law, dynprm=stiffness, biasprm=force)
 
 
-def write_servos(
-    top: ET.Element, joints: Sequence[str], servo: Servo, offsets: NumberByName
-) -> None:
+def write_servos(top: Element, joints: Sequence[str], servo: Servo, offsets: NumberByName) -> None:
     """Write position servos of joints and tendons in place of their actuators.
 
     A servo without kp controls velocity. A torque offset becomes a separate bias. The damping is
@@ -294,7 +287,7 @@ def thicken(inertia: Array) -> Array:
     return inertia + least @ axes[:, :2].T
 
 
-def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inertia: Array) -> None:
+def write_inertial(top: Element, body: str, mass: float, centre: Array, inertia: Array) -> None:
     """Write a body's inertial in its frame, and remove the mass of bodies that are fixed to it.
 
     Parameters
@@ -309,7 +302,7 @@ def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inert
     element = next(b for b in top.iter("body") if b.get("name") == body)
     own = element.find("inertial")
     if own is None:
-        own = ET.Element("inertial")
+        own = Element("inertial")
         after = [k for k, c in enumerate(element) if c.tag in ("joint", "freejoint")]
         element.insert(max(after, default=-1) + 1, own)
     for word in _PLACED:
@@ -324,7 +317,7 @@ def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inert
 _PLACED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 
 
-def _take_mass_off(element: ET.Element) -> None:
+def _take_mass_off(element: Element) -> None:
     """Remove the mass of the bodies that are fixed to a body with a stated inertial."""
     for child in _parts(element, "body"):
         if not _parts(child, "joint", "freejoint"):
@@ -335,7 +328,7 @@ def _take_mass_off(element: ET.Element) -> None:
             _take_mass_off(child)
 
 
-def _parts(element: ET.Element, *tags: str) -> list[ET.Element]:
+def _parts(element: Element, *tags: str) -> list[Element]:
     """Return the parts of a body, also those in frames."""
     found = [part for part in element if part.tag in tags]
     for frame in element.findall("frame"):
@@ -346,7 +339,7 @@ def _parts(element: ET.Element, *tags: str) -> list[ET.Element]:
 # Write the numbers of axes of several joints into an MJCF, as fixed tendons.
 
 
-def write_axes(top: ET.Element, robot: Description, stated: Mapping[str, NumberByName]) -> None:
+def write_axes(top: Element, robot: Description, stated: Mapping[str, NumberByName]) -> None:
     """Write friction, rotor and spring of tendons, motors that mix joints, and stated axes.
 
     A tendon of the file keeps its place. Another axis becomes a tendon if it has any number.
@@ -378,7 +371,7 @@ def write_axes(top: ET.Element, robot: Description, stated: Mapping[str, NumberB
             element.set("springlength", f"{rest_along(robot, axes[name]) + still:.17g}")
 
 
-def _add(top: ET.Element, axis: Axis) -> ET.Element:
+def _add(top: Element, axis: Axis) -> Element:
     """Add a fixed tendon along an axis."""
     section = top.find("tendon")
     section = ET.SubElement(top, "tendon") if section is None else section
@@ -397,7 +390,7 @@ def _add(top: ET.Element, axis: Axis) -> ET.Element:
 def write_robot(
     robot: Description,
     path: str | Path,
-    bodies: Mapping[str, Array],
+    bodies: ArrayByName,
     joints: Mapping[str, NumberByName],
     tables: Mapping[str, NumberByName],
     comment: str = "",
@@ -443,7 +436,7 @@ def write_robot(
 
 def edited_text(
     robot: Description,
-    bodies: Mapping[str, Array],
+    bodies: ArrayByName,
     joints: Mapping[str, NumberByName],
     comment: str,
 ) -> str:
@@ -491,7 +484,7 @@ def edited_text(
     return edited(old, for_xml(top).replace(" />", "/>"), comment)
 
 
-def _write_joints(top: ET.Element, robot: Description, joints: Mapping[str, NumberByName]) -> None:
+def _write_joints(top: Element, robot: Description, joints: Mapping[str, NumberByName]) -> None:
     """Write friction, rotor and spring of joints; a zero only replaces a number of the file."""
     elements = {e.get("name"): e for e in _joints(top)}
     degrees = robot.mjcf and not in_radians(top)
@@ -507,7 +500,7 @@ def _write_joints(top: ET.Element, robot: Description, joints: Mapping[str, Numb
 
 
 def _write_forces(
-    top: ET.Element,
+    top: Element,
     robot: Description,
     joints: Mapping[str, NumberByName],
     offsets: NumberByName,
@@ -542,7 +535,7 @@ def _write_forces(
     write_friction(top, elements, servo.slides(robot.joints))
 
 
-def _check_template(robot: Description, top: ET.Element) -> None:
+def _check_template(robot: Description, top: Element) -> None:
     """Refuse a file that lacks a place for the written values."""
     if any(e.tag == "replicate" for e in top.iter()):
         raise RobotError(
@@ -565,7 +558,7 @@ def _check_template(robot: Description, top: ET.Element) -> None:
             )
 
 
-def _joints(top: ET.Element) -> list[ET.Element]:
+def _joints(top: Element) -> list[Element]:
     """Return the joints of a robot file; transmissions and equalities speak of joints as well."""
     worlds = top.findall("worldbody")
     if worlds:
@@ -598,7 +591,7 @@ def own_inertial(robot: Description, body: str, theta: Array) -> tuple[float, Ar
 
 
 def _write_urdf_inertial(
-    top: ET.Element, body: str, mass: float, centre: Array, inertia: Array
+    top: Element, body: str, mass: float, centre: Array, inertia: Array
 ) -> None:
     links = top.findall("link")
     link = next(link for link in links if link.get("name") == body)
@@ -616,14 +609,14 @@ def _write_urdf_inertial(
             _remove_inertials(link)
 
 
-def root_link(top: ET.Element) -> str:
+def root_link(top: Element) -> str:
     """Return the link of a URDF without a parent joint, the first of several."""
     children = {e.get("link") for e in top.iterfind("joint/child")}
     names = (link.get("name", "") for link in top.iterfind("link"))
     return next((name for name in names if name not in children), "")
 
 
-def turn_base(top: ET.Element, gravity: Array) -> None:
+def turn_base(top: Element, gravity: Array) -> None:
     """Turn the robot of a URDF so that gravity acts along a direction (3,) of its base.
 
     Gravity of a URDF always points down. A new first link carries the robot by a fixed joint, whose
@@ -642,13 +635,13 @@ def turn_base(top: ET.Element, gravity: Array) -> None:
     urdf_joint(top, f"{ground}_to_{first}", "fixed", ground, first, turn)
 
 
-def _remove_inertials(element: ET.Element) -> None:
+def _remove_inertials(element: Element) -> None:
     for old in element.findall("inertial"):
         element.remove(old)
 
 
 def _write_joint(
-    joint: ET.Element,
+    joint: Element,
     robot: Description,
     name: str,
     stated: NumberByName,
@@ -674,7 +667,7 @@ def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str
     given = tomllib.loads(text)
     servo = robot.known_servo
     gains = servo.by_joint(robot.joints) if servo and (robot.mjcf or servo.source == FOUND) else {}
-    new: dict[str, Any] = {key: dict(table) for key, table in tables.items()}
+    new: Fields = {key: dict(table) for key, table in tables.items()}
     if robot.lock_option:
         new |= {"locked": dict(robot.locked)}
     if robot.base_option is not None:
@@ -689,7 +682,7 @@ def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str
     return _edit_toml(text, given, new)
 
 
-def _edit_toml(text: str, old: dict[str, Any], new: dict[str, Any]) -> str:
+def _edit_toml(text: str, old: Fields, new: Fields) -> str:
     """Return a TOML text with new entries at its top level; its comments stay.
 
     Only the tables of changed entries are written anew. If the lines cannot be edited so, all
@@ -733,7 +726,7 @@ def _check_beside(beside: Path, path: Path, *, needed: bool) -> None:
         raise OutputError(f"'{beside}' {problem} '{path}'; give another name, or move it away.")
 
 
-def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
+def write_offsets(top: Element, path: Path, offsets: NumberByName) -> None:
     """Write constant torque of commands into the actuators of an MJCF as their bias.
 
     Parameters
@@ -773,7 +766,7 @@ def _compile(path: Path) -> Any:
         return read_spec(path).compile()
 
 
-def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Array]:
+def share_out(robot: Description, bodies: ArrayByName) -> dict[str, Array]:
     """Return the inertial values to write, with bodies behind locked joints split off.
 
     These bodies keep the file's values if that leaves their host physically consistent. Else the

@@ -1,7 +1,5 @@
 """`bend`: the torque of motors and the deflections of links behind springs, in MuJoCo."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from scipy.interpolate import BPoly

@@ -4,8 +4,6 @@ Its model is the robot file with other values and its sidecar; motors act at joi
 straight tendons.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Any

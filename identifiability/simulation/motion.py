@@ -15,7 +15,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Fields
 from identifiability.foundation.options import MOST_SAMPLES, Period
 from identifiability.foundation.output import check_writable, temporary_folder, write_bytes
 from identifiability.foundation.rules import Tolerance
@@ -286,7 +286,7 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     log = Log.read(source, known).select(robot.joints, motors)
     if gear is not None and {*log.joints} == {*motors}:
         pairs = (("dq", log.dq), ("ddq", log.ddq))
-        rates: dict[str, Any] = {k: x if x is None else gear.joint_rate(x) for k, x in pairs}
+        rates: Fields = {k: x if x is None else gear.joint_rate(x) for k, x in pairs}
         sides = gear.joint_side(log.q, log.tau)
         log = replace(log, joints=robot.joints, q=sides[0], **rates)
     check_units(robot, [log])

@@ -3,8 +3,6 @@
 A robot file as MuJoCo compiles it; loops, couplings and straight tendons in MuJoCo's terms.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from copy import copy
 from pathlib import Path
@@ -15,7 +13,7 @@ import numpy as np
 
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Fields
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.files import release_root
@@ -42,7 +40,7 @@ def robot_spec(robot: Robot, *, balance: str = "false", shapes: bool = False) ->
         if robot.mjcf:
             floating = None if robot.base is None else robot.base.title
             fixed = robot.said.base == "fixed"
-            how: dict[str, Any] = {"fixed": fixed, "floating": floating, "shapes": shapes}
+            how: Fields = {"fixed": fixed, "floating": floating, "shapes": shapes}
             spec = read_spec(robot.path, robot.outside, **how)
         else:
             said = robot.said.base if robot.base is None else "floating"

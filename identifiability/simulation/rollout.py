@@ -12,7 +12,7 @@ average half a period old.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import copy
 from functools import cached_property, lru_cache, partial
 from itertools import compress
@@ -25,7 +25,7 @@ from mujoco import rollout
 
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array, NumberByName
+from identifiability.foundation.names import Array, ArrayByName, NumberByName
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs import Log, signals
@@ -237,7 +237,7 @@ class CommandedRobot:
         own = self.places.read(self.model, "armature")
         return np.maximum(self.inertia(home) - own, 0.0)
 
-    def longest(self, numbers: Mapping[str, Array], step: float = STEP) -> float:
+    def longest(self, numbers: ArrayByName, step: float = STEP) -> float:
         """Return the longest step that subtracts little of any joint's inertia [s].
 
         It is at most the usual step [s], and at least half of it.
@@ -288,7 +288,7 @@ class CommandedRobot:
     def roll(
         self,
         log: Log,
-        numbers: Mapping[str, Array] | None = None,
+        numbers: ArrayByName | None = None,
         delay: float = 0.0,
     ) -> Array:
         """Return positions at the samples of a log, (N, n); NaN where they diverged.
@@ -308,7 +308,7 @@ class CommandedRobot:
     def roll_all(
         self,
         logs: Sequence[Log],
-        numbers: Mapping[str, Array] | None,
+        numbers: ArrayByName | None,
         delays: Sequence[float],
         step: float | None = None,
         sources: Sequence[Log] = (),
@@ -436,7 +436,7 @@ class CommandedRobot:
         mujoco.mj_forward(model, data)
         return data.qacc.copy()
 
-    def _with(self, numbers: Mapping[str, Array], h: float) -> Any:
+    def _with(self, numbers: ArrayByName, h: float) -> Any:
         """Return the model with other numbers of its joints, at a step of h seconds."""
         model = copy(self.model)
         places = self.places
@@ -473,7 +473,7 @@ class CommandedRobot:
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 
-    def distance(self, numbers: Mapping[str, Array], h: float = STEP) -> Array:
+    def distance(self, numbers: ArrayByName, h: float = STEP) -> Array:
         """Return the distance over which dry friction builds up in steps of h seconds, (n,).
 
         It is zero for Coulomb friction. The step must follow the bristles.
@@ -483,7 +483,7 @@ class CommandedRobot:
         least = 0.5 * friction * h**2 / (self.bare + numbers["Ia"])
         return np.where((slide > 0) & (friction > 0), np.maximum(slide, least), 0.0)
 
-    def _set_friction(self, model: Any, numbers: Mapping[str, Array]) -> None:
+    def _set_friction(self, model: Any, numbers: ArrayByName) -> None:
         """Set dry friction, which may build up over a distance."""
         friction = np.maximum(numbers["Fc"], 0.0)
         distance = self.distance(numbers, model.opt.timestep)

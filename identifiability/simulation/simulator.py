@@ -139,7 +139,7 @@ def simulate(
     noise: NoiseLike | None = None,
     hide: Names = (),
     laws: Mapping[str, Callable[..., Any]] | None = None,
-    parameters: Mapping[str, float] | None = None,
+    parameters: NumberByName | None = None,
     rng: Rng | None = None,
     derivatives: bool = True,
     seed: Seed = 0,

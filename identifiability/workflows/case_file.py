@@ -9,13 +9,14 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
 from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.names import Fields
 from identifiability.foundation.options import AngleUnit, Derivatives, Root, Side, TimeUnit
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
@@ -154,7 +155,7 @@ class CaseFile:
         return [*map(self.place, self.entry.loaded)]
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Fields:
         """The settings that the file states."""
         return self.entry.settings.model_dump(exclude_none=True)
 

@@ -4,8 +4,6 @@ The mixed model compares logs (`Differences`). Each possible change is a group t
 logs only. Effects that all logs may lack are groups, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ What to use when: call `inspect` before any fit. It needs no logs. With logs it 
 read and prepared. It also checks them against the robot file, its limits and physics.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any, Literal

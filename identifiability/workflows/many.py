@@ -3,8 +3,6 @@
 Each robot is one item of an engine. Its answer does not depend on where it was computed.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections import Counter
@@ -16,7 +14,7 @@ from typing import Any, Literal, get_type_hints
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Json
+from identifiability.foundation.names import Fields, Json
 from identifiability.foundation.options import FilePath, OptionError, check_option, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
 from identifiability.foundation.result import Result
@@ -73,7 +71,7 @@ def _digest(folder: Path, options: Mapping[str, Any]) -> str:
     return digest.hexdigest()
 
 
-VERBS: dict[str, Any] = {"analyze": analyze, "prune": prune, "diagnose": diagnose}
+VERBS: Fields = {"analyze": analyze, "prune": prune, "diagnose": diagnose}
 
 
 def _check_options(verb: str, given: Mapping[str, Any]) -> None:
@@ -86,7 +84,7 @@ def _check_options(verb: str, given: Mapping[str, Any]) -> None:
 
 
 #: Table entries of a robot that has no answer yet.
-EMPTY: dict[str, Any] = {
+EMPTY: Fields = {
     "robot": "",
     "logs": [],
     "held": [],
@@ -104,7 +102,7 @@ EMPTY: dict[str, Any] = {
 
 def run_task(
     verb: str, options: Mapping[str, Any], task: tuple[Path, str]
-) -> tuple[dict[str, Any], bytes, bytes]:
+) -> tuple[Fields, bytes, bytes]:
     """Return the table row of a robot, its JSON and its page; the row states any error.
 
     Parameters
@@ -248,7 +246,7 @@ def analyze_many(
     say("looking at robots and logs", 0.0)
     tasks = [(place, _digest(place, options)) for place in places]
     _open(folder)
-    rows: list[dict[str, Any]] = []
+    rows: list[Json] = []
     with running(engine) as runner:
         for row, told, page in runner.map(partial(run_task, verb, options), tasks):
             rows.append(row)

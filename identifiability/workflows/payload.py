@@ -6,11 +6,9 @@ logs. Other changes that the logs show are in the model, too. A known load ident
 gain of each joint instead.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import scipy
@@ -32,6 +30,7 @@ from identifiability.foundation.names import (
     GROUPED_KINDS,
     INERTIAL_KINDS,
     Array,
+    Fields,
     Json,
     Strings,
     name_each,
@@ -667,7 +666,7 @@ def payload(
 
 def _state_load(
     found: Differences, sides: Sides, structure: Structure, place: str, scale: TorqueScale
-) -> dict[str, Any]:
+) -> Fields:
     """Return logs, the estimate of a load, and its quantities, as a `Load` names them."""
     loaded, unloaded = sides.paths
     estimate = estimate_load(found, sides.names)

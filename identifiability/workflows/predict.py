@@ -27,7 +27,7 @@ from identifiability.foundation.errors import IdentifiabilityError, ModelError, 
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
 from identifiability.foundation.linalg import rms_of, root_diagonal
-from identifiability.foundation.names import BASE, Array, Json, NumberByName, Strings
+from identifiability.foundation.names import BASE, Array, Fields, Json, NumberByName, Strings
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result, by_name
@@ -182,7 +182,7 @@ class TorquePrediction(Result):
         Torque that the sidecar states, or that the columns lack, is taken off again.
         """
         carried = self.fit.reading
-        columns: dict[str, Any] = {name: getattr(self, name) - self.lacking for name in TORQUES}
+        columns: Fields = {name: getattr(self, name) - self.lacking for name in TORQUES}
         if carried is None:
             return replace(self, **columns)
         columns |= {name: np.array(getattr(self, name)) for name in WIDTHS}
@@ -811,9 +811,9 @@ class ResultEntry(Entry):
     nothing: str | None = None
     physical: RealEntry = RealEntry()
     errors: ErrorsEntry = ErrorsEntry()
-    parameters: tuple[dict[str, Any], ...] = ()
+    parameters: tuple[Json, ...] = ()
     warnings: Strings = ()
-    missing_functions: tuple[dict[str, Any], ...] = ()
+    missing_functions: tuple[Json, ...] = ()
     rollout: RolloutEntry | None = None
     bending: BendingEntry = BendingEntry()
     provenance: dict[str, str] = {}
@@ -1047,7 +1047,7 @@ def refuse_robot(
 
 def with_cutoff(given: Preparation, samples: Sequence[Dataset]) -> Preparation:
     """Return a preparation with the low-pass, or the series, that was chosen for some logs."""
-    own: dict[str, Any] = {}
+    own: Fields = {}
     for s in reversed(samples):
         if s.cutoff:
             own = {"cutoff": s.cutoff, "outputs": s.band}
@@ -1234,7 +1234,7 @@ class PositionPrediction(Result):
         for k, log in enumerate(self.logs):
             simulated = ((run.name, run.q[k]) for run in self.runs)
             found = [("q", log.q), *simulated]
-            columns: dict[str, Any] = {"log": log.name, "t": log.t}
+            columns: Fields = {"log": log.name, "t": log.t}
             for i, joint in enumerate(log.joints):
                 columns |= {f"{joint}.{name}": q[:, i] for name, q in found}
             parts.append(pd.DataFrame(columns))
@@ -1245,7 +1245,7 @@ class PositionPrediction(Result):
         rollouts = []
         for run, error in zip(self.runs, self.totals.tolist(), strict=True):
             joints = pd.DataFrame({"error": run.errors}, self.robot.joints).to_dict("index")
-            found: dict[str, Any] = {"robot": run.name, "delays": list(run.delays)}
+            found: Json = {"robot": run.name, "delays": list(run.delays)}
             rollouts.append({**found, "error": error, "joints": joints})
         logs = [
             {"name": log.path or log.name, "samples": len(log), "sha256": log.sha256}

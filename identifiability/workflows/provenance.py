@@ -1,7 +1,5 @@
 """Provenance of a result: versions, seed, options, and hashes of its inputs."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256

@@ -4,8 +4,6 @@ A minimised error is no evidence, so errors are quoted on motion that is not fit
 held out where there are enough. Otherwise a log is divided, with an unused pause between the parts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

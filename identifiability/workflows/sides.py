@@ -4,8 +4,6 @@
 model. `find_loads` returns the loads that only held-out logs have, and `report_loads` states them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

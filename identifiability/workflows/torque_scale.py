@@ -8,8 +8,6 @@ they are right, this must not make the masses look right. A file of placeholders
 then the prior of the factor remains.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ hypotheses: any of its ten values is wrong, or only its mass and its inertia abo
 Wrong torque constants compete with them, and springs whose torque is that of a body in any motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from typing import Literal

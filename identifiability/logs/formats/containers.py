@@ -16,7 +16,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, numbered
+from identifiability.foundation.names import Array, ArrayByName, numbered
 from identifiability.logs.form import PLAIN, Form, find_form
 from identifiability.logs.names import check_names, guess_column
 
@@ -327,7 +327,7 @@ def _flatten(arrays: Mapping[str, Any], above: str = "") -> dict[str, Array]:
     return out
 
 
-def _shortened(arrays: Mapping[str, Array]) -> dict[str, Array]:
+def _shortened(arrays: ArrayByName) -> dict[str, Array]:
     """Return arrays by the last part of their names, if these parts are unique."""
     last = [name.rpartition(".")[2] for name in arrays]
     if len(set(last)) < len(last):
@@ -335,7 +335,7 @@ def _shortened(arrays: Mapping[str, Array]) -> dict[str, Array]:
     return dict(zip(last, arrays.values(), strict=True))
 
 
-def _joint_names(arrays: Mapping[str, Array]) -> list[str]:
+def _joint_names(arrays: ArrayByName) -> list[str]:
     """Return the names of the joints, if an array holds them."""
     for key, array in arrays.items():
         if key.rpartition(".")[2].casefold() in NAMES and array.dtype.kind in "UO":

@@ -1,7 +1,5 @@
 """Check from its metadata how much memory the rows of a Parquet file take, before it is read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from identifiability.logs.names import check_names

@@ -1,7 +1,5 @@
 """The list of formats: it finds the reader of a path, by its suffix or its content."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from pathlib import Path

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from scipy.ndimage import correlate1d
@@ -19,7 +19,7 @@ from scipy.ndimage import correlate1d
 from identifiability.foundation.engines import Engine, Serial, Steps
 from identifiability.foundation.errors import ClosureError, LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, of_key
-from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.names import Array, Fields, Strings
 from identifiability.foundation.options import checked
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
@@ -476,7 +476,7 @@ class Dataset:
         rest = {j: k for j, k in zip(joints, rests.tolist(), strict=True) if k > 0}
         if rest:
             shares = (f"{j} {percent(k / self.survey.outputs)}" for j, k in rest.items())
-            told: dict[str, Any] = {"rows": sum(rest.values()), "where": ", ".join(shares)}
+            told: Fields = {"rows": sum(rest.values()), "where": ", ".join(shares)}
             told["columns"] = tuple(f"{j}.tau" for j in rest)
             told["share"] = max(rest.values()) / self.survey.outputs
             notes.append(Finding("standing", self.name, **told))
@@ -599,7 +599,7 @@ def join_motions(motions: Sequence[Motion]) -> Motion:
     none = np.empty(0, int)
     rows = [m.each for m in motions]
     known = [name for name in rows[0] if all(name in own for own in rows)]
-    joined: dict[str, Any] = {name: np.concatenate([own[name] for own in rows]) for name in known}
+    joined: Fields = {name: np.concatenate([own[name] for own in rows]) for name in known}
     joined.setdefault("smooth_v", None)
     condition = max(m.condition for m in motions)
     return replace(

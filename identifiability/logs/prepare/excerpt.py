@@ -5,8 +5,6 @@ filter. To have fewer rows, torque and columns are still low-passed at ten times
 the motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

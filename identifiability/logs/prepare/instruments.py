@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from identifiability.foundation.errors import ClosureError
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Fields
 from identifiability.logs import Log, signals
 from identifiability.logs.base import UP
 from identifiability.logs.rules import RULES
@@ -96,7 +96,7 @@ def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Arra
     if len(found) < (1.0 - RULES.small) * len(measured):
         return None
     same = ("t", "kept", "smooth_v")
-    mixed: dict[str, Any] = {k: x.copy() for k, x in measured.each.items() if k not in same}
+    mixed: Fields = {k: x.copy() for k, x in measured.each.items() if k not in same}
     for name, values in mixed.items():
         values[found.kept] = getattr(found, name)
     return replace(measured, **mixed)

@@ -1,7 +1,5 @@
 """Fitted models of a ladder, their nearest physically consistent robots, and their predictions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

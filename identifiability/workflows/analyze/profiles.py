@@ -4,8 +4,6 @@ A parameter, the total mass and the torque of a joint are profiled under physica
 may be bounded although the logs determine them only together with others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

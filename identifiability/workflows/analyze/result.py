@@ -3,8 +3,6 @@
 `Laddered` holds the fields that results of analyze and prune share.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property

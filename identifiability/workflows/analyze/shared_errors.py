@@ -1,7 +1,5 @@
 """`SharedErrors`: changes of the values by errors that all samples of a log share."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

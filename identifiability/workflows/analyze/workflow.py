@@ -26,6 +26,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import Fields
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -334,7 +335,7 @@ def _fit_case(
 
 def choose_settings(
     case: Case, run: Run, prior: float | None, cad_prior: float | None, **options: Any
-) -> dict[str, Any]:
+) -> Fields:
     """Return the options that determine the numbers of a ladder, in the form of its result.
 
     Parameters

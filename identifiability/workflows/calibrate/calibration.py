@@ -6,8 +6,6 @@ estimate and include parameters that the model omits. Noise resembles the residu
 the errors of the log.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """`ask_bending`: whether joints bend, asked of the logs of a diagnosis in a wider band."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -12,7 +12,6 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import chain, zip_longest
-from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp, softmax
@@ -42,7 +41,7 @@ from identifiability.estimation.search import (
     name_terms,
 )
 from identifiability.foundation.linalg import scan_columns
-from identifiability.foundation.names import Array, Parameter, name_each
+from identifiability.foundation.names import Array, Fields, Parameter, name_each
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -634,7 +633,7 @@ def _write_change(naming: Naming, grid: _Grid, every: Sequence[_Stay]) -> Change
     )
 
 
-def _find_instants(grid: _Grid, stay: _Stay, t: Array) -> dict[str, Any] | None:
+def _find_instants(grid: _Grid, stay: _Stay, t: Array) -> Fields | None:
     """Return when a change began and ended; None if it covers all of one of two logs.
 
     Parameters
@@ -652,7 +651,7 @@ def _find_instants(grid: _Grid, stay: _Stay, t: Array) -> dict[str, Any] | None:
     begin_rows = [*rows[:-1], rows[-1] - 1]
     time, likely = t[begin_rows], softmax(stay.odds)
     starts, stops = (grid.stays - own[0]).T
-    when: dict[str, Any] = {}
+    when: Fields = {}
     if begun:
         start = time[first - own[0]]
         began = _ends(starts, likely, time)

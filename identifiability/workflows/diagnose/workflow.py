@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY, rms_of, solve_least
-from identifiability.foundation.names import Array, Json, Strings
+from identifiability.foundation.names import Array, Fields, Json, Strings
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.runs import First, Progress, Run, quiet
 from identifiability.foundation.values import frozen
@@ -311,7 +310,7 @@ def _list_options(case: Case, request: Request, found: Diagnosis) -> Json:
     names = [model] if isinstance(model, (str, Path)) else model
     effects = "all" if request.effects is None else list(request.effects)
     fixed = kept if isinstance(kept, bool | float | str | Path) else found.known.words
-    options: dict[str, Any] = {
+    options: Fields = {
         "effects": effects,
         "fixed": fixed,
         "preparation": case.preparation or Preparation(),

@@ -4,8 +4,6 @@ A question lists the columns that a motion should separate. `Known` holds the in
 logs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeAlias

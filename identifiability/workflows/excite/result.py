@@ -3,8 +3,6 @@
 A controller plays it from rest, into the periods, back to rest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 from io import BytesIO

@@ -1,7 +1,5 @@
 """Find a motion that is worth measuring."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """`describe_joints`: which friction and rotor values of an exported file the logs determine."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from textwrap import shorten
 from typing import Any

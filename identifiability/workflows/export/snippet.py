@@ -5,8 +5,6 @@ levels of dry friction for the simulator's friction. The other has the remaining
 the same tables.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace

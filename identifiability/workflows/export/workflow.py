@@ -38,7 +38,7 @@ from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import (
     GROUPED_KINDS,
     INERTIAL_KINDS,
-    Array,
+    ArrayByName,
     NumberByName,
     Strings,
 )
@@ -847,7 +847,7 @@ def _comment_joints(lines: Sequence[str]) -> str:
     return "".join(f"# {line}\n" for line in head)
 
 
-def _actuator_rows(names: Sequence[str], columns: Mapping[str, Array]) -> Iterator[str]:
+def _actuator_rows(names: Sequence[str], columns: ArrayByName) -> Iterator[str]:
     """Yield the lines of numbers of a configuration; unknown numbers are left out."""
     for word, values in columns.items():
         pairs = zip(names, values.tolist(), strict=True)

@@ -25,6 +25,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, near_match
 from identifiability.foundation.findings import of_key, phrase
+from identifiability.foundation.names import Fields
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -463,7 +464,7 @@ def measure_models(
     *,
     replicates: int,
     rng: np.random.Generator,
-) -> dict[str, Any]:
+) -> Fields:
     """Fit every model of a path, measure its predictions, and return fields of a `Ladder`.
 
     Parameters

@@ -1,7 +1,5 @@
 """A folder to begin a study in: robot, sidecar, logs, a case file and a script."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping, Sequence
