@@ -78,6 +78,8 @@ class Verdict:
         What the value is in truth, such as ``slider1.Jr + 0.02·platform.m``; empty if its label.
     projected : float or None
         Value that this fit would find on the robot of the file.
+    nonnegative : bool
+        Whether physics forbids a value below zero.
     """
 
     name: str
@@ -96,6 +98,7 @@ class Verdict:
     believed: tuple[float, float] | None = None
     stands_for: str = ""
     projected: float | None = None
+    nonnegative: bool = False
 
     @property
     def word(self) -> str:
@@ -132,8 +135,7 @@ class Verdict:
         """The 95 % interval behind the verdict, for the labelled parameter."""
         if self.believed is not None:
             return self.believed
-        half = REACH * self.sigma_label
-        return self.value - half, self.value + half
+        return possible_interval(self.value, self.sigma_label, nonnegative=self.nonnegative)
 
     @property
     def data_interval95(self) -> tuple[float, float]:
@@ -173,6 +175,17 @@ class Verdict:
         return row | {"flags": [flag.value for flag in self.flags], "terms": dict(self.terms)}
 
 
+def possible_interval(value: float, sigma: float, *, nonnegative: bool) -> tuple[float, float]:
+    """Return a 95 % interval without the values that physics forbids.
+
+    No true value is lost, so the coverage stays. An interval of forbidden values alone is kept: it
+    contradicts the model.
+    """
+    half = REACH * sigma
+    low, high = value - half, value + half
+    return (max(low, 0.0) if nonnegative and high >= 0 else low), high
+
+
 def narrow(v: Verdict, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:
     """Return a verdict with a further qualification, and the interval that then holds."""
     return replace(v, flags=(flag, *v.flags), reason=f"{v.reason} {text}", believed=ends)
@@ -195,13 +208,13 @@ def to_row(written: Mapping[str, Any]) -> Row:
     error = written["standard_error"]
     standard_error = np.inf if error is None else error
     value = written["value"]
-    half = REACH * standard_error
+    nonnegative = written["nonnegative"]
     details = {name: x for name, x in written.items() if name not in own}
     return Row(
         name=written["name"],
         estimate=value,
         standard_error=standard_error,
-        interval=(value - half, value + half),
+        interval=possible_interval(value, standard_error, nonnegative=nonnegative),
         unit=written["unit"],
         verdict=written["verdict"],
         reason=written["reason"],

@@ -136,7 +136,10 @@ class _ModelRows:
             word = sentence("values", "exported", word=word, value=usage)
         note = f"{word}; {file}"
         more = sentence("values", "used", value=usage, why=why) if why else ""
+        low, high = verdict.interval95
         value = measured(verdict.value, sigma, verdict.unit)
+        if low == 0 and np.isfinite(high):  # no friction is negative
+            value = sentence("values", "most", high=high, unit=verdict.unit)
         return Cell(value, verdict.value, note, verdict.look, more=more)
 
     def _explain_doubt(self, verdict: Verdict) -> str:

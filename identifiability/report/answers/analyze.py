@@ -18,7 +18,7 @@ from identifiability.estimation.combinations import find_combinations
 from identifiability.estimation.groups import describe_term, shorten_places
 from identifiability.estimation.prediction import Prediction, change_interval, loaded_joints
 from identifiability.estimation.rules import RULES, Thresholds
-from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
+from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of, to_row
 from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import of_key
@@ -28,7 +28,6 @@ from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     LEVEL,
-    REACH,
     chance_text,
     format_number,
     join,
@@ -260,9 +259,9 @@ class LadderedPresenter(PredictingPresenter):
         """Return one row a parameter of the model to use, or of the named one."""
         result = self.result
         shown = result.chosen if model is None else result.models[result.find_model(model)]
-        frame = pd.DataFrame(shown.rows())
-        frame["lower"] = frame["value"] - REACH * frame["standard_error"]
-        frame["upper"] = frame["value"] + REACH * frame["standard_error"]
+        rows = shown.rows()
+        frame = pd.DataFrame(rows)
+        frame[["lower", "upper"]] = [to_row(row).interval for row in rows]
         return by_name(frame if details else frame[[*FRAME]])
 
     def ladder_frame(self) -> pd.DataFrame:

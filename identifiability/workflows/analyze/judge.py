@@ -16,7 +16,14 @@ from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import LabelAlternatives, MissingEffects
 from identifiability.estimation.prediction import Prediction, allow_offsets
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Flag, Verdict, judge, narrow
+from identifiability.estimation.verdict import (
+    Class,
+    Flag,
+    Verdict,
+    judge,
+    narrow,
+    possible_interval,
+)
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY, rms_of, solve_least
 from identifiability.foundation.names import Array, Strings
@@ -84,7 +91,9 @@ def decide_model(
     moved = replace(model, estimate=replace(estimate, value=fit.value))
     impossible = forbidden | find_forbidden(moved)
     told = submodel.labels, submodel.units, torque, _aliases(estimate), impossible, stated
-    return fit, judge(fit, *told), tuple(compress(submodel.columns, forbidden))
+    pairs = zip(judge(fit, *told), submodel.nonnegative.tolist(), strict=True)
+    verdicts = tuple(replace(v, nonnegative=signed) for v, signed in pairs)
+    return fit, verdicts, tuple(compress(submodel.columns, forbidden))
 
 
 def _exclude_offsets(model: FittedModel, fit: Fit) -> tuple[Strings, ...]:
@@ -232,10 +241,9 @@ def _narrow_by_file(v: Verdict, mean: float, sd: float, words: str) -> Verdict:
     """Return a verdict, narrowed by the file's bodies where the logs leave it wide."""
     if not (v.open and sd**2 < Thresholds().constraint_variance * v.sigma_robust**2):
         return v
-    low = mean - REACH * sd
-    high = mean + REACH * sd
-    text = phrase("narrowed", "file", words=words, low=low, high=high)
-    return narrow(v, Flag.BY_PRIOR, text, (low, high))
+    ends = possible_interval(mean, sd, nonnegative=v.nonnegative)
+    text = phrase("narrowed", "file", words=words, low=ends[0], high=ends[1])
+    return narrow(v, Flag.BY_PRIOR, text, ends)
 
 
 def _aliases(fit: Estimate) -> Strings:

@@ -1,5 +1,7 @@
 """Every verdict, its threshold and its words, from numbers alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -101,6 +103,11 @@ def test_the_ninety_five_percent_interval_is_so_many_robust_deviations():
     narrowed = narrow(found, Flag.BY_PRIOR, "", (4.0, 5.0)).to_row()
     assert to_row(narrowed).interval == found.interval95
     assert narrowed["interval95"] == [4.0, 5.0]
+    friction = replace(verdict(0.5, 0.5), nonnegative=True)
+    assert_allclose(
+        [friction.interval95, to_row(friction.to_row()).interval], [[0, 1.48]] * 2, rtol=1e-3
+    )
+    assert replace(friction, value=-3.0).interval95[0] < -3  # the model is contradicted
     assert row["sigma_robust_percent"] == pytest.approx(100 * 0.5 / 3)
     assert row["sigma_percent"] == pytest.approx(100 * 0.1 / 3)
 
