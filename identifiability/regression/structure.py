@@ -14,7 +14,6 @@ from scipy.linalg import null_space
 from identifiability.effects import FAMILIES, Effect
 from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction
 from identifiability.effects.measurement import ClockError, TimeDelay, TorqueOffset
-from identifiability.effects.springs import GravitySpring
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.keyed import explain_combination
 from identifiability.foundation.linalg import (
@@ -485,31 +484,29 @@ def count_offsets(structure: Structure) -> Structure:
     return Structure.of(robot, replace(counted, random=model.random))
 
 
-def mimic_springs(structure: Structure) -> dict[str, Array]:
-    """Return the changes (b, k) of base parameters that act as springs at a joint in any motion.
+def mimic_in_bodies(structure: Structure, family: str) -> dict[str, Array]:
+    """Return the changes (b, k) of base parameters that act as an effect at a joint in any motion.
 
     About a joint whose axis keeps its tilt, a first moment makes ``τ = ks sin q + kc cos q`` as a
-    gravity spring of 1 N·m does. A joint has up to two such changes.
+    gravity spring of 1 N·m does. A joint has up to two such changes. A wrong zero of a last joint
+    acts as its body turned about the axis, by 1 rad to first order.
     """
     robot = structure.robot
-    present = {place for name, place in structure.present if name == GravitySpring.name}
+    present = {place for name, place in structure.present if name == family}
     turning = [a.name for a in robot.axes if not a.prismatic and a.name not in present]
     if not turning:
         return {}
-    springs = Model.of("rigid_body", f"{GravitySpring.name}@{'+'.join(turning)}")
-    alone = Structure.of(robot, springs)
-    own = [p.group == GravitySpring.name for p in alone.parameters]
+    alone = Structure.of(robot, Model.of("rigid_body", f"{family}@{'+'.join(turning)}"))
+    own = [p.group == family for p in alone.parameters]
     kept = [alone.columns.index(name) for name in alone.base.names]
-    of_springs = np.take(own, kept)
-    moments = structure.G[
-        :, [structure.columns.index(alone.columns[k]) for k in kept if not own[k]]
-    ]
+    of_effect = np.take(own, kept)
+    bodies = structure.G[:, [structure.columns.index(alone.columns[k]) for k in kept if not own[k]]]
     found = dict[str, Array]()
     for joint in turning:
         at = [k for k, p in enumerate(alone.parameters) if own[k] and p.owner == joint]
-        at = [k for k in at if not alone.G[of_springs, k].any()]
+        at = [k for k in at if not alone.G[of_effect, k].any()]
         if at:
-            found[joint] = moments @ alone.G[~of_springs][:, at]
+            found[joint] = bodies @ alone.G[~of_effect][:, at]
     return found
 
 

@@ -13,6 +13,8 @@ import numpy as np
 from scipy.linalg import null_space, solve_triangular
 from scipy.special import logsumexp
 
+from identifiability.effects.measurement import EncoderBias
+from identifiability.effects.springs import GravitySpring
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import ROUNDOFF, or_one, root_diagonal
@@ -20,7 +22,8 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import ball
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale
-from identifiability.regression.structure import Structure, mimic_springs
+from identifiability.regression.reduction import Submodel
+from identifiability.regression.structure import Structure, mimic_in_bodies
 
 from .predict import Fit
 from .torque_scale import FILE_ERRORS, LOG_PRIOR
@@ -63,7 +66,7 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
     errors = sum(x @ x.T for (_, kind), x in shapes.items() if kind == "other")
     roots = [np.linalg.cholesky(noise + share**2 * errors) for share in FILE_ERRORS]
     far = np.abs(off) > RULES.contradicted * root_diagonal(noise)
-    springs = mimic_springs(structure) if far.any() else {}
+    springs = mimic_in_bodies(structure, GravitySpring.name) if far.any() else {}
     for joint, changes in springs.items():
         length = np.linalg.norm(_whiten(roots[-1], towards @ changes), axis=0)
         # The errors of all bodies together change values as much as a spring of size 1.
@@ -93,6 +96,36 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
         return WrongBodies(likely, springs=changed)
     mass = sizes_of((best[0], "mass"))
     return WrongBodies(likely, float(mass.value[0]), float(np.sqrt(mass.covariance[0, 0])), changed)
+
+
+def find_wrong_zero(
+    structure: Structure, submodel: Submodel, off: Array, sigma: Array
+) -> tuple[str, float]:
+    """Return the joint whose wrong zero would explain most differences from the file, if any.
+
+    The size [rad] is that by which its positions are read too large. In any motion such a zero acts
+    as the last body turned about the axis.
+
+    Parameters
+    ----------
+    structure : Structure
+    submodel : Submodel
+        Its k parameters over the base parameters.
+    off, sigma : (k,)
+        Values by the logs minus those of the file, and their standard errors; infinite where a
+        value is not compared.
+    """
+    if structure.robot.closed:
+        return "", 0.0
+    found = ("", 0.0)
+    least = 0.5 * np.sum((off / sigma) ** 2)
+    for joint, change in mimic_in_bodies(structure, EncoderBias.name).items():
+        shape = (submodel.inverse @ change[:, 0]) / sigma
+        size = float(shape @ (off / sigma) / or_one(shape @ shape))
+        rest = np.sum((off / sigma - size * shape) ** 2)
+        if rest < least and abs(size) < 1:
+            found, least = (joint, size), rest
+    return found
 
 
 def _whiten(root: Array, x: Array) -> Array:

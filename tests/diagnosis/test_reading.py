@@ -396,3 +396,9 @@ def test_on_clean_logs_at_most_eight_regressors_are_evaluated(arm, monkeypatch):
     monkeypatch.setattr(LogPart, "_computed", computed)
     assert look(robot, log, replace(record("six-dof-arm", seed=2)[1], name="second")) is None
     assert len(evaluated) <= 8
+
+
+def test_a_zero_that_acts_as_a_turned_body_is_told_with_that_body(logs_of):
+    logs = [replace(log, q=log.q + np.array([0, 0.07])) for log in logs_of("two-link")]
+    (said,) = analyze("two-link", logs[:2], logs[2:3], replicates=0).warnings
+    assert "positions of elbow are read 4.1° too large" in said

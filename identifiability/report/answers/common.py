@@ -38,7 +38,7 @@ from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import ROUNDED, BaseParameters, Structure
 from identifiability.robot.robot import Robot, last_bodies
 from identifiability.workflows.predict import Fit
-from identifiability.workflows.wrong_bodies import WrongBodies, find_wrong_bodies
+from identifiability.workflows.wrong_bodies import WrongBodies, find_wrong_bodies, find_wrong_zero
 
 from .commands import source_name
 from .python_lines import lines_in_memory
@@ -605,7 +605,10 @@ def state_contradicted(
     large = np.abs(values) > RULES.contradicted * reach
     springs = [place for place, kind in wrong.hypotheses if kind == "spring"]
     impossible = bool((far & matters & large).any())
-    advice = _advise(wrong, last_bodies(fit.robot), effects, impossible=impossible)
+    compared = np.where(np.isin(np.arange(len(off)), listed), sigma, np.inf)
+    apart = np.nan_to_num(values - stated)
+    zero = find_wrong_zero(fit.structure, submodel, apart, compared)
+    advice = _advise(wrong, zero, last_bodies(fit.robot), effects, impossible=impossible)
     floats = wrong.change <= 0 and bool((np.abs(values) < np.abs(stated))[listed].all())
     where = "at" if springs else "floats" if floats else "anywhere"
     look = phrase("contradicted", where, joints=springs)
@@ -614,11 +617,20 @@ def state_contradicted(
 
 
 def _advise(
-    wrong: WrongBodies, last: Sequence[str], effects: Sequence[str], *, impossible: bool
+    wrong: WrongBodies,
+    zero: tuple[str, float],
+    last: Sequence[str],
+    effects: Sequence[str],
+    *,
+    impossible: bool,
 ) -> str:
     """Return what to do before bodies are corrected: the model may lack an effect instead."""
     if effects:
         return phrase("contradicted", "lacks", effects=effects)
+    joint, size = zero
+    if joint:
+        degrees = float(np.degrees(size))
+        return phrase("contradicted", "zero", joint=joint, degrees=abs(degrees), large=size > 0)
     heavier = wrong.hypotheses[0][0] if wrong.change > 0 else ""
     if heavier in last:  # a tool has values that the body alone cannot have
         return phrase("contradicted", "tool", body=heavier)
