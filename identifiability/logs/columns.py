@@ -41,6 +41,7 @@ from .names import (
     Unit,
     find_unit,
     guess_column,
+    last_unit,
     split_unit,
     take_joint,
     unread_unit,
@@ -906,7 +907,9 @@ def _name_missing(missing: Sequence[str], free: Sequence[str]) -> str:
         named = {take_joint(words_of(n), wanted)[0]: n for n in likely}
         pairs = zip(wanted, likely, strict=True)
         columns = {j: [Column(named.get(j, n), kind, j, number=0)] for j, n in pairs}
-        rules += propose_rules(kind, columns)
+        unit = last_unit(words_of("".join(likely[:1])))
+        end = f" [{unit.text}]" if unit and unit.dimension in DIMENSIONS[kind] else ""
+        rules += [(old, new + end) for old, new in propose_rules(kind, columns)]
     return " ".join(option_for_shell("--map", "=".join(rule), always=True) for rule in rules)
 
 

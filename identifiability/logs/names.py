@@ -295,8 +295,9 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Column | None
     if time is not None:
         return time
     joint, rest = take_joint(words, joints)
-    if unit is None and rest and rest[-1] in ("rad", "deg", "nm", "mm"):
-        unit = find_unit("Nm" if rest[-1] == "nm" else rest[-1])
+    ending = last_unit(rest)
+    if unit is None and ending is not None:
+        unit = ending
         rest = rest[:-1]
     kinds = {KINDS[w] for w in rest if w in KINDS}
     numbers = [w for w in rest if w.isdecimal()]
@@ -311,6 +312,13 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Column | None
         return None
     number = int(numbers[0]) if numbers and len(numbers[0]) < 4 else -1
     return Column(source, kind, joint, number, unit)
+
+
+def last_unit(words: Sequence[str]) -> Unit | None:
+    """Return the unit that the last word of a name is; one letter is none by itself."""
+    last = "".join(words[-1:])
+    known = last in ("rad", "deg", "nm", "mm") or last == "n" != words[0]
+    return find_unit(last.replace("n", "N")) if known else None
 
 
 def unread_unit(name: str, joints: Sequence[str]) -> str:

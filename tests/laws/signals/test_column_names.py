@@ -100,7 +100,7 @@ REFUSED = {
     "other names": (
         ["t", *each("M{j}_Act{k}_deg", ("L", "R"), ("Pos", "Torque"))],
         PAIR,
-        r"columns={'ML_ActPos_deg': 'shoulder\.q', .*'MR_ActTorque_deg': 'elbow\.tau'}",
+        r"columns={'ML_ActPos_deg': 'shoulder\.q \[deg\]', .*'MR_ActTorque_deg': 'elbow\.tau'}",
     ),
     "commands": (
         ["t", *each("{k}_{j}", (0, 1), ("actual_q", "target_moment"))],
@@ -179,6 +179,8 @@ def test_a_word_stands_in_one_row_of_the_table_alone():
         ("elbow/q_dot_cmd", "dq_ref", None),
         ("policy/elbow target velocity [rpm]", "dq_ref", np.pi / 30),
         ("elbow feedforward nm", "tau_ff", 1.0),
+        ("elbow.Istlänge_mm", "q", 1e-3),
+        ("elbow_force_N", "tau", 1.0),
     ],
 )
 def test_a_command_is_read_as_a_measurement_is(name, kind, factor):
