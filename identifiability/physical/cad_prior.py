@@ -397,8 +397,8 @@ def state_mass(
     )
     if missing:
         return (
-            f"{missing[0].upper()}{missing[1:]}: masses may take its place. The {weighs}. Complete "
-            "the model (diagnose) before you believe or export masses."
+            f"{missing[0].upper()}{missing[1:]}, and the {weighs}: masses may take the place of "
+            "what is missing. Complete the model (diagnose) before you believe or export masses."
         )
     return (
         f"The {weighs}: identified masses disagree with the file's. Check a mass of the file, "

@@ -25,6 +25,7 @@ from identifiability.logs.spikes import TURN
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.physical.plausibility import check_plausible
 from identifiability.regression.information import Information
+from identifiability.robot import Robot
 
 from .registry import Does, MeasuredLogs, check, without
 
@@ -229,6 +230,37 @@ def find_beyond(logs: MeasuredLogs) -> Iterator[Finding]:
         said.append("{} ({:.3g} … {:.3g}, limits {:.3g} … {:.3g})".format(joint, *ends))
     if said:
         yield Finding("beyond", joints=said)
+
+
+@check("lengths", Does.MISREADS)
+def find_lengths(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield a finding if the positions of a parallel robot are the lengths of its legs.
+
+    The file's zero is where the legs are drawn. A stated zero is not questioned.
+    """
+    robot = logs.robot
+    known = {*robot.joints} & robot.scales.keys()
+    if known or robot.cables or not robot.loops or not robot.slides.all():
+        return
+    q = logs.motion.actuated_q
+    drawn = measure_legs(robot)
+    span = np.ptp(q, axis=0)
+    zero = [robot.home_table[joint] for joint in robot.joints]
+    near = np.abs(np.median(q, 0) - drawn) < span
+    if (near & (np.abs(q - zero).min(0) > span)).all():
+        which = '"*"' if np.allclose(drawn, drawn[0]) else toml_key(robot.joints[0])
+        yield Finding("lengths", joints=robot.joints, which=which, drawn=float(drawn[0]))
+
+
+def measure_legs(robot: Robot) -> Array:
+    """Return how far apart the ends of each leg are drawn where its slide is at zero, (n,) [m]."""
+    tree = robot.tree.joints
+    ends = {joint.parent: joint.translation for joint in tree}
+    ends |= {p.joint: p.position for loop in robot.loops for p in (loop.first, loop.second)}
+    legs = {
+        j.dofs[0]: j.translation + j.rotation @ ends[k] for k, j in enumerate(tree) if k in ends
+    }
+    return np.linalg.norm([legs[name] for name in robot.joints], axis=1)
 
 
 @check("still", Does.HINTS, always=True)

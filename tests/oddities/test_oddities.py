@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze, prepare_log
+from identifiability import Robot, analyze, prepare_log
 from identifiability.quality import MeasuredLogs, find_oddities
 from identifiability.quality.registry import CHECKS, Does, check
 from identifiability.regression.structure import Structure
@@ -26,6 +26,19 @@ def test_torque_in_another_unit(say, good, factor):
     assert ('.current [mA]"' in hint) == (factor == 1000.0)
     guess = replace(structure.robot, guessed=structure.robot.bodies)  # of which nothing follows
     assert say(Structure.of(guess, MODEL), replace(log, tau=factor * log.tau)) == ()
+
+
+def test_lengths_of_legs_that_are_drawn_at_zero(say, tmp_path):
+    """Legs of twice the length fit nearly as well, with other masses."""
+    structure, log = record("3-rps")
+    drawn = structure.robot.path.read_text(encoding="utf-8")
+    for old, new in ((' range="0.55 0.85"', ' ref="-0.7"'), (" 0.69999999999999996", " 0")):
+        drawn = drawn.replace(old, new)
+    (tmp_path / "legs.xml").write_text(drawn, encoding="utf-8")
+    structure = Structure.of(Robot.load(tmp_path / "legs.xml"), MODEL)
+    (hint,) = say(structure, log)
+    assert hint.endswith('"*" = {offset = -0.7}.')
+    assert say(structure, replace(log, q=log.q - 0.7)) == ()
 
 
 def test_a_check_of_ones_own_is_one_function(six_axis):
