@@ -341,6 +341,25 @@ def test_a_search_leaves_friction_in_place_of_a_rotor(tmp_path):
         assert rotor == pytest.approx(truth[f"{robot.joints[joint]}.Ia"], rel=0.1)
 
 
+def test_a_tree_that_is_lost_stops_the_search_of_no_other(tmp_path):
+    body = """<body><inertial pos=".1 0 -.1" mass="2" diaginertia=".02 .02 .02"/><joint name="{0}"
+    axis="0 1 0" damping=".4" frictionloss=".3" armature=".05"/></body>"""
+    servo = '<position joint="{0}" kp="60" kv="1"/>'
+    bodies, motors = (text.format("a") + text.format("b") for text in (body, servo))
+    path = tmp_path / "two.xml"
+    path.write_text(f"""<mujoco><compiler angle="radian"/><worldbody>{bodies}</worldbody>
+    <actuator>{motors}</actuator></mujoco>""")
+    robot, how = Robot.load(path), servos.Recorder(100.0, delay=0.01)
+    log = read(robot, draw(robot, 4.0, 0.5, how, default_rng(1), {}))
+    problem, end = fit_rollouts(robot, [log], {}).search
+    x = end.x.copy()
+    limit, damping = problem.at("limit")[0], problem.at("Fv")[1]
+    problem.varied[limit] = True
+    x[limit], x[damping] = 1.5, 2.0
+    moved = descend(problem, x)
+    assert problem.errors(moved.q)[1] < 1.1 * problem.errors(end.q)[1]
+
+
 def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path):
     rng, how = default_rng(5), servos.Recorder(100.0, delay=0.007)
     own = replace(arm.servo, ki=2.0 * arm.servo.kp)

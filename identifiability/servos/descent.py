@@ -87,7 +87,7 @@ def descend(
     """
     q = problem.roll([x])[0]
     # Only directions that are lost in errors of the derivative are damped at first.
-    damping = VARIED**2
+    damping = np.full(len(x), VARIED**2)
     linearised = x[:0] if J is None else x
     poor = True
     is_new = False
@@ -112,21 +112,37 @@ def descend(
         # Weights change with errors, so that no search ends where its steps promise nothing.
         little += is_new and promised < PROMISED * (residual @ residual)
         is_new = False
-        moved = problem.move(x, step)
-        rolled = problem.roll([moved])[0]
-        rest = weights * problem.residual(rolled, moved)
-        gained = residual @ residual - np.sum(rest**2)
+        moved, rolled, gained, steps = _take_step(problem, x, step, weights, residual)
         # A derivative takes a rollout for each number, and a step takes a single one: steps that
         # gain a fifth of their promise are cheaper.
         poor = gained < 0.2 * promised
+        damping = np.where(steps, damping / 3, 10 * damping)
         if gained > 0:
             x = moved
             q = rolled
-            damping = damping / 3
             since += gained
-        else:
-            damping *= 10
     return SearchEnd(x, q, weights[:, None] * J, promised)
+
+
+def _take_step(
+    problem: RolloutProblem, x: Array, step: Array, weights: Array, residual: Array
+) -> tuple[Array, list[Array], float, np.ndarray]:
+    """Return the vector after a step, its positions, the gain, and which numbers step, (p,) bool.
+
+    No tree moves another: if a step gains nothing, only trees whose own errors fall take it.
+    """
+    of_rows = np.tile(problem.trees, problem.rows()[-1])
+    steps = np.full(len(x), True)
+    for _ in range(2):
+        moved = problem.move(x, steps * step)
+        rolled = problem.roll([moved])[0]
+        less = residual**2 - (weights * problem.residual(rolled, moved)) ** 2
+        gained = float(less.sum())
+        falls = np.bincount(of_rows, less[: len(of_rows)], len(x)) > 0
+        if gained > 0 or not falls.any():
+            break
+        steps[: problem.delays.start] = falls[problem.tree_of]
+    return moved, rolled, gained, steps & (gained > 0)
 
 
 def sum_squares(problem: RolloutProblem, weights: Array, end: SearchEnd) -> float:
@@ -282,7 +298,7 @@ def shift_commands(problem: RolloutProblem, x: Array, later: float) -> Array:
 
 
 def damped_step(
-    problem: RolloutProblem, x: Array, J: Array, residual: Array, damping: float
+    problem: RolloutProblem, x: Array, J: Array, residual: Array, damping: Array | float
 ) -> tuple[Array, float]:
     """Return a damped step within its bounds, (p,), and the squares by which it promises to gain.
 
@@ -292,14 +308,15 @@ def damped_step(
     x : (p,)
     J, residual : (r, p), (r,)
         Weighted.
-    damping : float
+    damping : float or (p,)
         As a share of the square of each column.
     """
     varied = np.flatnonzero(problem.varied)
     Q, R = np.linalg.qr(J[:, varied])
     projected = Q.T @ residual
     size = np.linalg.norm(R, axis=0) + 1e-12
-    rows = np.vstack([R, np.sqrt(damping) * np.diag(size)])
+    damped = np.sqrt(np.broadcast_to(damping, len(x))[varied]) * size
+    rows = np.vstack([R, np.diag(damped)])
     aim = np.concatenate([-projected, np.zeros(len(varied))])
     step = np.zeros(len(x))
     bounds = problem.bounds(x)[:, varied]

@@ -206,17 +206,14 @@ def leave_bounds(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     begun = {kind: np.where(stuck, value, numbers[kind]) for kind, value in usual.items()}
     x = problem.replace_numbers(end.x, {**numbers, **begun}, stuck)
     varied = problem.varied
-    problem.varied = varied & np.isin(np.arange(len(x)), _numbers_of(problem, stuck))
+    of_joints = np.tile(stuck, len(KINDS))
+    others = np.zeros(len(x) - len(of_joints), bool)
+    problem.varied = varied & np.append(of_joints, others)
     again = descend(problem, x, BEGUN)
     problem.varied = varied
     if problem.missed(again.q)[stuck].sum() > 0.5 * missed[stuck].sum():
         return end
     return descend(problem, again.x, BEGUN)
-
-
-def _numbers_of(problem: RolloutProblem, joints: np.ndarray) -> np.ndarray:
-    """Return the numbers of some joints, (n,) bool, in the vector, (k,) int."""
-    return np.concatenate([problem.at(kind)[joints] for kind in KINDS])
 
 
 def follows_better(robot: Robot, logs: Sequence[Log], found: Rollouts, other: NumberByName) -> bool:

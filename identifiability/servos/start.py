@@ -133,11 +133,11 @@ def restart_joints(problem: RolloutProblem, x: Array, joints: np.ndarray) -> Arr
     tried = [x, *(problem.replace_numbers(x, one, joints) for one in held_grid)]
     shares = np.array([problem.missed(problem.roll([one], COARSE * STEP)[0]) for one in tried])
     best = shares.argmin(0)
+    begun = x.copy()
     for joint in np.flatnonzero(joints):
-        of_joint = np.flatnonzero(np.arange(problem.over.size) % len(joints) == joint)
-        x = x.copy()
-        x[of_joint] = tried[best[joint]][of_joint]
-    return x
+        of_joint = slice(joint, problem.over.size, len(joints))
+        begun[of_joint] = tried[best[joint]][of_joint]
+    return begun
 
 
 def _errors(
