@@ -22,6 +22,8 @@ from identifiability.cli import app
 from identifiability.foundation.engines import Serial
 
 ROOT = Path(__file__).resolve().parents[1]
+#: Where the package is, here or installed.
+SITE = Path(identifiability.__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md"))]
 COMMANDS = vars(typer.main.get_command(app))["commands"]
 
@@ -258,7 +260,7 @@ READ = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "llms.txt"]
 def test_links_and_paths_lead_somewhere(page):
     text = page.read_text()
     for path in re.findall(r"`((?:identifiability|models|studies)/[\w./-]+\.\w+)`", text):
-        assert (ROOT / path).exists()
+        assert (ROOT / path).exists() or (SITE / path).exists()
     for path in re.findall(r"\]\(([^)#]+)(?:#[\w-]*)?\)", text):
         assert path.startswith("http") or (page.parent / path).exists()
 
