@@ -28,6 +28,7 @@ FEW = 4
 
 #: Where a decimal at the head of a file is no rule, and why.
 ELSEWHERE = {
+    "models/": "how a shipped robot was made, which is part of a wheel",
     "report/": "how a page is drawn",
     "cli/": "seconds between lines of progress",
     "foundation/engines.py": "seconds that processes wait for each other",
