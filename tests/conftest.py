@@ -244,7 +244,7 @@ def process():
 
 
 @pytest.fixture(scope="session")
-def refused():
+def rejected():
     """A function (pattern) -> context that is refused with a sentence that matches."""
     return lambda pattern: pytest.raises(IdentifiabilityError, match=pattern)
 

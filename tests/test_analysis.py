@@ -105,13 +105,13 @@ def test_computed_derivatives_give_the_same_parameters_as_true_ones(simulated):
     assert_allclose(b["value"][big], a["value"][big], rtol=0.02)
 
 
-def test_a_log_given_twice_is_refused(simulated, refused):
+def test_a_log_given_twice_is_refused(simulated, rejected):
     """Its repetition would pass for new evidence, whether fitted or held out."""
     log = simulated("two-link", "a", 0)
     for run in (analyze, prune, diagnose):
-        with refused("is the log a that is fitted"):
+        with rejected("is the log a that is fitted"):
             run("two-link", log, validate=log)
-        with refused("given twice"):
+        with rejected("given twice"):
             run("two-link", [log, log])
 
 

@@ -78,11 +78,13 @@ def test_a_prior_that_the_user_states_moves_the_posterior(arm, tmp_path):
     "prior, sentence",
     [('"elbow.Fv" = {mean = -3.0, sd = 0.1}', "-3 ± 0.1 for 'elbow.Fv', which cannot be neg")],
 )
-def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior, sentence, refused):
+def test_a_prior_that_cannot_be_is_refused_with_a_sentence(
+    arm, tmp_path, prior, sentence, rejected
+):
     robot = Robot.load("two-link", sidecar(tmp_path, prior))
     full = arm.full
     model = fitted(arm, full, robot)
-    with refused(sentence):
+    with rejected(sentence):
         state_prior(model.structure, model.data)
     belief = believe(arm, full, {"walkers": 2, "draws": 4, "warmup": 1}, robot)
     assert belief.physical is None

@@ -153,7 +153,7 @@ SAYS = {
 
 
 @pytest.mark.parametrize("verb", SAYS)
-def test_a_result_belongs_to_a_robot_file_and_not_to_a_name(verb, results, tmp_path, refused):
+def test_a_result_belongs_to_a_robot_file_and_not_to_a_name(verb, results, tmp_path, rejected):
     copy = tmp_path / "robot.xml"
     text = ROBOT.path.read_text()
     copy.write_text(text.replace("<mujoco", "<!-- another --><mujoco", 1), "utf-8")
@@ -163,7 +163,7 @@ def test_a_result_belongs_to_a_robot_file_and_not_to_a_name(verb, results, tmp_p
     assert "have changed since" in said
     assert not of_key(say(ROBOT, results("none"), log, tmp_path), "robot_changed")
     other = Robot.load("six-dof-arm")
-    with refused(f"sha256 {ROBOT.sha256[:12]}"):
+    with rejected(f"sha256 {ROBOT.sha256[:12]}"):
         say(other, results("none"), log, tmp_path)
 
 
@@ -178,8 +178,8 @@ def test_a_log_that_contradicts_the_reading_of_a_result_is_named(verb, results, 
     assert not of_key(read, "reading_contradicted")
 
 
-def test_a_refused_export_says_that_a_log_contradicts_the_reading(results, tmp_path, refused):
-    with refused(r"none4\.csv.* force=True"):
+def test_a_refused_export_says_that_a_log_contradicts_the_reading(results, tmp_path, rejected):
+    with rejected(r"none4\.csv.* force=True"):
         export(ROBOT, results("signs"), tmp_path / "fitted.xml", validate=record("none", 4))
 
 
@@ -195,16 +195,16 @@ def test_a_refused_export_says_that_a_log_contradicts_the_reading(results, tmp_p
     ],
 )
 def test_a_reading_that_was_changed_by_hand_is_refused_in_one_sentence(
-    wrong, results, tmp_path, refused
+    wrong, results, tmp_path, rejected
 ):
     content = json.loads(results("signs").read_text())
     content["fit"]["reading"] |= wrong
     path = tmp_path / "result.json"
     path.write_text(json.dumps(content), "utf-8")
     log = record("signs", 4)
-    with refused(r"result\.json|The reading"):
+    with rejected(r"result\.json|The reading"):
         predict(ROBOT, path, log)
-    with refused(r"result\.json|The reading"):
+    with rejected(r"result\.json|The reading"):
         export(ROBOT, path, tmp_path / "fitted.xml", validate=log, force=True)
 
 

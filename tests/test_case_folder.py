@@ -135,6 +135,6 @@ def test_a_wrong_case_file_is_refused_in_one_sentence(line, says, folder, comman
     assert not (folder / "hit").exists()
 
 
-def test_a_folder_without_a_case_file_is_no_case(tmp_path, refused):
-    with refused(r"case\.toml"):
+def test_a_folder_without_a_case_file_is_no_case(tmp_path, rejected):
+    with rejected(r"case\.toml"):
         Case.load(tmp_path)

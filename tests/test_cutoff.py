@@ -111,6 +111,6 @@ def test_a_result_predicts_a_slower_log_in_its_own_band(positions, slow):
     assert "up to 0.8 Hz" in about_band(predicted)
 
 
-def test_a_fitted_log_that_cannot_have_the_cut_off_is_refused(positions, slow, refused):
-    with refused(r"cut-off 12 Hz does not lie between .* \(2 Hz\)"):
+def test_a_fitted_log_that_cannot_have_the_cut_off_is_refused(positions, slow, rejected):
+    with rejected(r"cut-off 12 Hz does not lie between .* \(2 Hz\)"):
         judge([positions(2e-5), slow], "none", preparation=Preparation(cutoff=12))

@@ -33,7 +33,7 @@ def coupled(tmp_path):
     return Robot.load("two-link", path)
 
 
-def test_motor_logs_are_converted_to_the_joint_side(coupled, tmp_path, refused):
+def test_motor_logs_are_converted_to_the_joint_side(coupled, tmp_path, rejected):
     assert [coupled.torque_column(joint) for joint in coupled.joints] == ["", "motor2"]
     trajectory = shipped_trajectory(coupled, "a")
     joint = simulate(coupled, trajectory)
@@ -49,7 +49,7 @@ def test_motor_logs_are_converted_to_the_joint_side(coupled, tmp_path, refused):
         assert_allclose(getattr(b.motion, kind), getattr(a.motion, kind), atol=1e-12)
     assert_allclose(b.tau, a.tau, atol=1e-12)
     result = analyze(coupled, joint, "none", quick=True).to_json(tmp_path / "result.json")
-    with refused(r"made with the sidecar coupled\.toml"):
+    with rejected(r"made with the sidecar coupled\.toml"):
         predict("two-link", result, joint)
     # Power is the same on either side of the gears.
     assert_allclose((motor.tau * motor.dq).sum(1), (joint.tau * joint.dq).sum(1), atol=1e-10)

@@ -153,18 +153,18 @@ def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     assert_allclose(again.base.imu.place, place, atol=2e-3)
 
 
-def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body, refused):
-    with refused(r"does not say how the base moved.*'base.acc.x'.*fixed"):
+def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body, rejected):
+    with rejected(r"does not say how the base moved.*'base.acc.x'.*fixed"):
         read(body, table(thrown))
-    with refused(r"it has .*gyro\.x, gyro\.y, gyro\.z"):
+    with rejected(r"it has .*gyro\.x, gyro\.y, gyro\.z"):
         read(body, table(thrown, g=(axes("base.gyro."), thrown["gyro"])))
-    with refused(r"it has acc\.x, acc\.y, fx"):
+    with rejected(r"it has acc\.x, acc\.y, fx"):
         read(body, table(thrown, **sensor(thrown)).drop(columns="base.acc.z"))
-    with refused("lacks the column fz of a measured wrench"):
+    with rejected("lacks the column fz of a measured wrench"):
         read(body, table(thrown, **sensor(thrown)).drop(columns="fz"))
     bad = {"p": (axes("base."), thrown["pos"]), "q": (axes("base.q", "wxyz"), 1.1 * thrown["quat"])}
-    with refused(r"quaternion of the base has norm 1\.1 in data row"):
+    with rejected(r"quaternion of the base has norm 1\.1 in data row"):
         read(body, table(thrown, **bad))
     body.path.with_suffix(".toml").write_text('[[contacts]]\nframe = "grip"\nflag = "touch"')
-    with refused("lacks the column 'touch', which says when the contact"):
+    with rejected("lacks the column 'touch', which says when the contact"):
         read(Robot.load(body.path), table(thrown, **sensor(thrown)))

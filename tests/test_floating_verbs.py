@@ -34,12 +34,12 @@ def pushed(tmp_path_factory):
     return found, found.to_json(tmp_path_factory.mktemp("cart") / "result.json")
 
 
-def test_an_arm_on_a_cart_that_is_pushed_says_what_it_says_bolted_down(pushed, tmp_path, refused):
+def test_an_arm_on_a_cart_that_is_pushed_says_what_it_says_bolted_down(pushed, tmp_path, rejected):
     page = pushed[0].write_report(tmp_path / "page.html").read_text()
     assert 'text">base.x<' not in page  # no motor drives it
     stands = Robot.load("cart-arm", base="fixed")
     held = analyze(stands, log("cart-arm", "bolted.csv"), replicates=50)
-    with refused(r"no mass of cart: its robot was held"):
+    with rejected(r"no mass of cart: its robot was held"):
         export("cart-arm", held, tmp_path / "cart.xml")
     bolted = held.to_frame()
     moved = pushed[0].to_frame()

@@ -313,8 +313,8 @@ def test_a_hint_quotes_what_it_says_to_type(lost, option, word, tmp_path, monkey
 
 
 @pytest.mark.parametrize("name", ["*", "?", "wrist_*"])
-def test_a_name_that_is_a_pattern_is_refused_with_one_sentence(name, tmp_path, refused):
-    with refused("stand for other letters in names"):
+def test_a_name_that_is_a_pattern_is_refused_with_one_sentence(name, tmp_path, rejected):
+    with rejected("stand for other letters in names"):
         hostile_robot(tmp_path, ("a", name))
 
 

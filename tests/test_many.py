@@ -107,7 +107,7 @@ def test_what_goes_wrong_with_one_robot_is_the_sentence_of_its_row(start, tmp_pa
         (["a"], {"verb": "prune", "replicats": 2}, "'replicats' is no option of prune, did you"),
     ],
 )
-def test_what_cannot_be_asked_is_one_sentence(robots, options, sentence, tmp_path, refused):
-    with refused(re.escape(sentence)):
+def test_what_cannot_be_asked_is_one_sentence(robots, options, sentence, tmp_path, rejected):
+    with rejected(re.escape(sentence)):
         analyze_many(robots, tmp_path / "out", **options)
     assert not (tmp_path / "out").exists()

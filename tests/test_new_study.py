@@ -61,7 +61,7 @@ def test_a_sidecar_asks_for_gains_where_logs_hold_no_torque(ending, line, tmp_pa
         assert Log.read(log, known).joints == known.joints
 
 
-def test_logs_of_ones_own_are_named_where_they_are(tmp_path, monkeypatch, refused):
+def test_logs_of_ones_own_are_named_where_they_are(tmp_path, monkeypatch, rejected):
     monkeypatch.chdir(tmp_path)
     shipped = shipped_folder() / "six-dof-arm"
     (tmp_path / "arm.urdf").write_bytes((shipped / "robot.urdf").read_bytes())
@@ -74,17 +74,17 @@ def test_logs_of_ones_own_are_named_where_they_are(tmp_path, monkeypatch, refuse
     case = Case.load(made.folder)
     assert (case.logs, case.validate) == (("mine/../monday.csv",), ("mine/../no_tool.csv",))
     assert 'loaded = ["../tool_on.csv"]' in (made.folder / "case.toml").read_text()
-    with refused("There is no log file"):
+    with rejected("There is no log file"):
         new_study("none", "arm.urdf", ["sunday.csv"])
     assert not (tmp_path / "none").exists()
 
 
-def test_nothing_is_written_over_and_nothing_is_left_of_what_fails(tmp_path, refused):
+def test_nothing_is_written_over_and_nothing_is_left_of_what_fails(tmp_path, rejected):
     (tmp_path / "full").mkdir()
     kept = tmp_path / "full" / "notes.txt"
     kept.write_text("mine")
     for there in (kept, kept.parent):
-        with refused("nothing is written over"):
+        with rejected("nothing is written over"):
             new_study(there)
     assert [*kept.parent.iterdir()] == [kept]
     broken = tmp_path / "broken.urdf"

@@ -96,14 +96,14 @@ def test_a_result_about_nothing_says_the_same_everywhere(verb, options, arm, tmp
 @pytest.mark.parametrize(
     "done, verb", [("analyzed", analyze), ("pruned", prune), ("diagnosed", diagnose)]
 )
-def test_what_needs_a_signal_refuses_with_the_same_reason(case, done, verb, arm, refused):
+def test_what_needs_a_signal_refuses_with_the_same_reason(case, done, verb, arm, rejected):
     sentence = f"^Nothing can be {done}, because {SILENT[case]} "
-    with refused(sentence):
+    with rejected(sentence):
         verb("two-link", arm(case))
 
 
-def test_a_result_about_nothing_is_not_exported(arm, tmp_path, refused):
+def test_a_result_about_nothing_is_not_exported(arm, tmp_path, rejected):
     found = analyze("two-link", arm("noise"), replicates=20)
     sentence = f"^Nothing can be exported, because {WORSE} "
-    with refused(sentence):
+    with rejected(sentence):
         export("two-link", found, tmp_path / "out.xml")

@@ -73,8 +73,8 @@ def test_a_motor_at_its_limit_a_rest_and_a_slow_logger_are_data(frame):
 
 
 @pytest.mark.parametrize("factor", [1e-18, 1e-100, 1e-300])
-def test_torque_that_no_robot_has_is_refused(frame, factor, refused):
+def test_torque_that_no_robot_has_is_refused(frame, factor, rejected):
     tau = [c for c in frame if c.endswith(".tau")]
     frame[tau] *= factor
-    with refused(r"the largest torque in it is .*, as no robot's is"):
+    with rejected(r"the largest torque in it is .*, as no robot's is"):
         analyze("two-link", frame)

@@ -18,8 +18,8 @@ def test_only_the_numbers_that_changed_are_written_anew(rps, tmp_path):
     assert all("<inertial" in new[k] for k in differ)
 
 
-def test_a_body_without_mass_is_refused_by_name(rps, tmp_path, refused):
-    with refused("'platform' has a mass of -1 kg"):
+def test_a_body_without_mass_is_refused_by_name(rps, tmp_path, rejected):
+    with rejected("'platform' has a mass of -1 kg"):
         write_parameters(rps, {"platform.m": -1.0}, tmp_path / "copy.xml")
     assert not (tmp_path / "copy.xml").exists()
 

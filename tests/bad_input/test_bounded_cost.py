@@ -211,9 +211,9 @@ def test_files_that_compress_well_are_read(tmp_path):
         assert (Log.read(tmp_path / name).q[:, 1] == wave).all()
 
 
-def test_what_a_file_may_unpack_to_grows_with_its_size(tmp_path, refused):
+def test_what_a_file_may_unpack_to_grows_with_its_size(tmp_path, rejected):
     path = tmp_path / "log.npz"
     path.write_bytes(bytes(1_000_000))
     check_unpacked(path, 100_000_000)
-    with refused("has 1 MB and unpacks to 101 MB or more"):
+    with rejected("has 1 MB and unpacks to 101 MB or more"):
         check_unpacked(path, 101_000_000)

@@ -69,7 +69,7 @@ def test_the_sidecar_and_the_option_rename_and_the_option_comes_first(
     assert [first.apply(n) for n in ("fer_elbow", "fer_shoulder")] == ["wrist", "shoulder"]
 
 
-def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write, refused):
+def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write, rejected):
     side = write("side.toml", "[torque]\ngain = {shoulder = 2.0, elbow = 4.0}\n")
     names = ["t", "q1", "q2", "actual_current_1 [mA]", "cur_2 [mA]"]
     # Currents may have the other sign, as long as nothing states their gains.
@@ -88,10 +88,10 @@ def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write
         ("cur_2 [Nm]", r"is a current, but .* stated as 'Nm'"),
         ("elbow.tau [mA]", r"'elbow\.current \[mA\]' .* \[columns\]"),
     ):
-        with refused(says):
+        with rejected(says):
             Log.from_frame(given.set_axis([*names[:4], last], axis=1), "log", known(sidecar=side))
     mapped = Robot.load("two-link", columns={"drive_pct": "elbow.tau"})
-    with refused(r"torque of elbow in percent\. State the"):
+    with rejected(r"torque of elbow in percent\. State the"):
         Log.from_frame(bare.rename(columns={"elbow.tau": "drive_pct"}), "", Conventions.of(mapped))
 
 
@@ -103,21 +103,21 @@ def locked(frame, **elbow):
 
 @pytest.mark.parametrize("called", ["elbow.q", "/joint_states/elbow/position", "elbow_pos"])
 def test_a_lock_that_the_log_contradicts_is_refused_short_and_long_alike(
-    called, arm, write, read_long, refused
+    called, arm, write, read_long, rejected
 ):
     frame = arm[[c for c in arm if c.startswith(("t", "shoulder")) or c == "elbow.q"]]
     frame = frame.rename(columns={"elbow.q": called})
-    with refused(r"'elbow' is locked, but 'elbow\.q' moves by 4\.\d+ \(-"):
+    with rejected(r"'elbow' is locked, but 'elbow\.q' moves by 4\.\d+ \(-"):
         locked(frame)
     known = Conventions.of(Robot.load("two-link", lock=["elbow"]))
-    with refused(r"take the lock out, or give a stretch"):
+    with rejected(r"take the lock out, or give a stretch"):
         read_long(write("log.csv", frame), known)
     still = np.where(np.arange(len(frame)) == 7, 3.0, 0.001)  # one wrong value moves nothing
     assert all("elbow' stands" not in note for note in locked(frame, **{called: still}))
     assert "lock it there, --lock elbow=0.5" in locked(frame, **{called: 0.5})[-1]
 
 
-def test_a_joint_that_a_log_lacks_is_proposed_for_locking_before_other_names_are(arm, refused):
+def test_a_joint_that_a_log_lacks_is_proposed_for_locking_before_other_names_are(arm, rejected):
     frame = arm.rename(columns=lambda c: c.replace("elbow", "finger"))
     with pytest.raises(IdentifiabilityError) as told:
         Log.from_frame(frame, "log", known())
@@ -125,7 +125,7 @@ def test_a_joint_that_a_log_lacks_is_proposed_for_locking_before_other_names_are
     assert "no column elbow.q, elbow.tau" in said
     assert 0 < said.index("lock=['elbow']).") < said.index("If one of finger is it, add Robot")
     every = frame.rename(columns=lambda c: c.replace("shoulder", "thumb"))
-    with refused(
+    with rejected(
         r"thumb, finger is it, add .*columns={'OLD': 'shoulder'}.*\[columns\]",
     ):
         Log.from_frame(every.assign(**{"heat [°C]": 30.0}), "log", known())
@@ -172,6 +172,6 @@ def test_torque_that_is_missing_for_a_while_is_left_out_there(arm):
     assert not found[:50].any()
 
 
-def test_a_log_whose_torque_is_all_empty_is_refused(arm, refused):
-    with refused("log has no torque"):
+def test_a_log_whose_torque_is_all_empty_is_refused(arm, rejected):
+    with rejected("log has no torque"):
         partly(arm.assign(**{"shoulder.tau": np.nan}), np.nan)

@@ -86,7 +86,7 @@ def test_a_header_in_a_comment_is_a_header(bare, known, write, read_both):
     check(log, bare)
 
 
-def test_stated_units_are_converted_and_others_refused(bare, known, write, read_both, refused):
+def test_stated_units_are_converted_and_others_refused(bare, known, write, read_both, rejected):
     angles = bare[["shoulder.q", "elbow.q"]]
     given = bare.assign(t=1e3 * bare["t"], **{c: np.degrees(angles[c]) for c in angles})
     in_row = text_of(given, ";", ",", units=("ms", "deg", "°", "Nm", "N*m"))
@@ -105,15 +105,15 @@ def test_stated_units_are_converted_and_others_refused(bare, known, write, read_
         "s rad rad A Nm": r"'shoulder.tau' is a torque or force, .* unit is stated as 'A'",
         "s rad furlong Nm Nm": r"column 't' is not a finite number .* row 1 \('s'\)",
     }.items():
-        with refused(sentence):
+        with rejected(sentence):
             Log.read(write("log.csv", text_of(bare, units=units.split())), known)
 
 
 @pytest.mark.parametrize("cell", ["#WERT!", "1.234,56"])
-def test_among_decimal_commas_a_cell_that_is_no_number_is_named(cell, bare, known, write, refused):
+def test_among_decimal_commas_a_cell_that_is_no_number_is_named(cell, bare, known, write, rejected):
     rows = text_of(bare, ";", ",").split("\n")
     rows[7] = f"0,06;{cell};0,1;0,1;0,1"
-    with refused(rf"in 1 of .* row 7 \('{cell}'\); remove"):
+    with rejected(rf"in 1 of .* row 7 \('{cell}'\); remove"):
         Log.read(write("log.csv", "\n".join(rows)), known)
 
 
@@ -139,7 +139,7 @@ def test_a_file_cut_anywhere_loses_its_last_line_with_a_note(bare, known, write)
         assert len(log) == 200 - content[-cut:].count("\n")
 
 
-def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both, refused):
+def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both, rejected):
     for name in ("time", None):
         frame = bare.set_index(pd.Index(bare["t"].to_numpy(), name=name)).drop(columns="t")
         path = tmp_path / "log.parquet"
@@ -147,7 +147,7 @@ def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both, refus
         for log in (Log.from_frame(frame, "log", known), read_both(path, known)):
             check(log, bare)
             assert "as t" in log.notes[0]
-    with refused("no column 't'"):
+    with rejected("no column 't'"):
         Log.from_frame(bare.drop(columns="t"), "log", known)
     check(Log.from_frame(bare.rename(columns={"t": "time"})), bare)
 

@@ -16,9 +16,9 @@ def log_of(name):
 
 
 @pytest.mark.parametrize("verb", [analyze, prune])
-def test_a_validation_log_of_another_robot_is_named(verb, refused):
+def test_a_validation_log_of_another_robot_is_named(verb, rejected):
     log = log_of("two-link")
-    with refused(r"no column shoulder\.q, .* If one of joint_1, "):
+    with rejected(r"no column shoulder\.q, .* If one of joint_1, "):
         verb("two-link", log, log_of("six-dof-arm"), replicates=0)
     like = replace(log, name="other", sha256="other", tau=-3 * np.roll(log.tau, 50, axis=0))
     found = verb("two-link", log, like, replicates=0)

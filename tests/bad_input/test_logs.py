@@ -16,8 +16,8 @@ from ..conftest import cell
         ("t,a.q,a.tau\n", "has 0 samples, too few to say anything; at least 20"),
     ],
 )
-def test_what_is_no_table_is_refused(content, sentence, write, refused):
-    with refused(sentence):
+def test_what_is_no_table_is_refused(content, sentence, write, rejected):
+    with rejected(sentence):
         Log.read(write("log.csv", content))
 
 
@@ -66,6 +66,6 @@ def test_a_data_frame_hashes_its_values_and_nothing_else(arm):
         ({"decimate": 60}, "too short to be decimated by 60: of its 200 samples fewer than 20"),
     ],
 )
-def test_preparations_that_cannot_be_are_refused(how, sentence, bare, refused):
-    with refused(sentence):
+def test_preparations_that_cannot_be_are_refused(how, sentence, bare, rejected):
+    with rejected(sentence):
         prepare_log(Robot.load("two-link"), Log.from_frame(bare), Preparation(**how))

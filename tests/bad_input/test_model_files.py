@@ -83,8 +83,8 @@ def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
         ("stribeck_friction@elbw:0.1", "has no parameter at 'elbw' of two-link"),
     ],
 )
-def test_effects_that_cannot_live_there_are_refused(text, sentence, refused):
-    with refused(sentence):
+def test_effects_that_cannot_live_there_are_refused(text, sentence, rejected):
+    with rejected(sentence):
         Model.of("rigid_body", text).parameters(Robot.load("two-link"))
 
 

@@ -44,10 +44,10 @@ def test_paths_that_cannot_be_written_are_refused_before_the_work(refuses, refus
     assert "cannot be written: File name too long." in refused(*words, tmp_path / ("a" * 300))
 
 
-def test_pipes_and_devices_are_not_replaced_by_files(tmp_path, refused):
+def test_pipes_and_devices_are_not_replaced_by_files(tmp_path, rejected):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with refused("is no regular file"):
+    with rejected("is no regular file"):
         write_text(pipe, "text")
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 

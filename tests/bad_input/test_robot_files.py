@@ -151,20 +151,20 @@ def changed(text, old, new):
 
 
 @pytest.mark.parametrize("case", NO_ROBOT)
-def test_what_is_no_robot_file_is_refused(case, write, capfd, refused):
+def test_what_is_no_robot_file_is_refused(case, write, capfd, rejected):
     content, sentence = NO_ROBOT[case]
-    with refused(sentence):
+    with rejected(sentence):
         Robot.load(write("robot.xml", content))
     assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("case", MEANT)
-def test_what_cannot_be_meant_is_refused_with_the_remedy(case, write, capfd, refused):
+def test_what_cannot_be_meant_is_refused_with_the_remedy(case, write, capfd, rejected):
     robot, change, sentence = MEANT[case]
     path = locate_robot(robot)
     side = path.with_suffix(".toml")
     written = write(f"robot{path.suffix}", changed(path.read_text(), *change))
-    with refused(sentence):
+    with rejected(sentence):
         Robot.load(written, side if side.exists() else None)
     assert capfd.readouterr() == ("", "")
 
@@ -200,11 +200,11 @@ def test_a_real_process_ends_with_the_sentence_and_no_traceback(write, process):
 
 
 @pytest.mark.parametrize("second", ["", ' body2="world"'])
-def test_a_closure_that_leaves_a_passive_joint_free_is_refused(second, write, refused):
+def test_a_closure_that_leaves_a_passive_joint_free_is_refused(second, write, rejected):
     """The elbow's axis is pinned to the world: the shoulder is held and the elbow turns."""
     pin = f'<connect body1="link2"{second} anchor="0 0 0"/>'
     text = changed(TWO, *equality(pin)).replace('<motor name="elbow_motor" joint="elbow"/>', "")
-    with refused("do not determine elbow at its home position shoulder = 0"):
+    with rejected("do not determine elbow at its home position shoulder = 0"):
         Robot.load(write("robot.xml", text))
 
 

@@ -50,9 +50,9 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_sidecar_is_refused(case, write, refused):
+def test_a_bad_sidecar_is_refused(case, write, rejected):
     content, sentence = BAD[case]
-    with refused(sentence):
+    with rejected(sentence):
         Robot.load("two-link", write("side.toml", content))
 
 

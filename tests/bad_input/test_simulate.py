@@ -88,7 +88,7 @@ def test_a_bad_trajectory_file_is_refused(content, sentence, simulates, write):
     assert sentence in simulates("two-link", write("motion.json", content))
 
 
-def test_lost_samples_that_a_fit_bridges_are_bridged_in_a_motion(tmp_path, rng, two_link, refused):
+def test_lost_samples_that_a_fit_bridges_are_bridged_in_a_motion(tmp_path, rng, two_link, rejected):
     """Rows that are missing for less than half a period of the cut-off change no motion."""
     motion = PrescribedMotion.of(shipped_trajectory(two_link, "a"), 750)
     frame = pd.DataFrame({"t": motion.t} | {f"{j}.q": motion.q[:, k] for k, j in
@@ -101,5 +101,5 @@ def test_lost_samples_that_a_fit_bridges_are_bridged_in_a_motion(tmp_path, rng, 
     assert len(again.t) == len(first.t)
     assert_allclose(again.t, first.t, atol=1e-6)
     assert_allclose(again.ddq, first.ddq, atol=0.02 * np.abs(first.ddq).max())
-    with refused(r"has a gap of .* s after t"):
+    with rejected(r"has a gap of .* s after t"):
         find_motion(two_link, str(torn), None, rng)

@@ -119,18 +119,18 @@ def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path,
     assert len(before) == 2
 
 
-def test_a_sidecar_takes_no_other_files_name(tmp_path, refused):
+def test_a_sidecar_takes_no_other_files_name(tmp_path, rejected):
     rps = Robot.load("3-rps")
     path = tmp_path / "copy.xml"
     beside = tmp_path / "copy.toml"
     beside.write_text("[[models]]\n")
-    with refused(r"copy.toml' is no sidecar, but has the name"):
+    with rejected(r"copy.toml' is no sidecar, but has the name"):
         write_parameters(rps, {}, path)
     assert list(files_in(tmp_path)) == [beside]
     beside.write_text("name = 'other'")
     bare = tmp_path / "bare.xml"
     bare.write_bytes(Robot.load("two-link").path.read_bytes())
-    with refused(r"would be read as the sidecar of .*copy.xml'; give"):
+    with rejected(r"would be read as the sidecar of .*copy.xml'; give"):
         write_parameters(Robot.load(bare), {}, path)
     own = tmp_path / "own.xml"
     own.write_bytes(bare.read_bytes())

@@ -47,17 +47,17 @@ def test_what_a_lost_worker_did_is_done_by_another(cluster, work, tmp_path):
 
 
 @needs_dask
-def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypatch, refused):
+def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypatch, rejected):
     monkeypatch.setattr(cluster.workers.scheduler, "allowed_failures", 1)
-    with refused("died again and again on the same item"):
+    with rejected("died again and again on the same item"):
         list(cluster.map(work.end, range(2)))
 
 
 @needs_dask
-def test_workers_with_another_program_are_refused(cluster, monkeypatch, refused):
+def test_workers_with_another_program_are_refused(cluster, monkeypatch, rejected):
     module = sys.modules["identifiability.foundation.engines"]
     monkeypatch.setattr(module, "source_digest", lambda name: str(os.getpid()))
-    with refused("do not have this version of identifiability"):
+    with rejected("do not have this version of identifiability"):
         choose_engine(scheduler=cluster.client.scheduler.address)
 
 
@@ -78,17 +78,17 @@ def test_a_module_of_a_study_is_sent_to_workers(cluster, tmp_path, monkeypatch):
 
 
 @needs_dask
-def test_a_scheduler_that_is_not_there_is_said(monkeypatch, refused):
+def test_a_scheduler_that_is_not_there_is_said(monkeypatch, rejected):
     assert clusters.PATIENCE <= 10
     monkeypatch.setattr(clusters, "PATIENCE", 1.0)
     with socket.socket() as taken:  # bound, never listening: nobody answers
         taken.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
-        with refused(f"no Dask scheduler at '{address}'"):
+        with rejected(f"no Dask scheduler at '{address}'"):
             choose_engine(scheduler=address)
 
 
-def test_without_dask_one_sentence_says_what_to_install(monkeypatch, refused):
+def test_without_dask_one_sentence_says_what_to_install(monkeypatch, rejected):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with refused(r"in a checkout pip install '.\[dist"):
+    with rejected(r"in a checkout pip install '.\[dist"):
         choose_engine(scheduler="tcp://a:1")

@@ -17,17 +17,17 @@ def two():
 
 
 @pytest.mark.parametrize("kind", ["serial", "processes"])
-def test_the_first_error_arrives_as_itself_and_work_goes_on_afterwards(kind, two, work, refused):
+def test_the_first_error_arrives_as_itself_and_work_goes_on_afterwards(kind, two, work, rejected):
     engine = Serial() if kind == "serial" else two
     results = engine.map(work.refuse, range(40))
     assert [next(results), next(results), next(results)] == [0, 1, 2]
-    with refused(r"^Item 3 is bad\.$"):
+    with rejected(r"^Item 3 is bad\.$"):
         next(results)
     assert list(engine.map(work.refuse, [2, 1])) == [2, 1]
 
 
-def test_a_lost_worker_is_one_sentence_and_work_goes_on_afterwards(two, work, refused):
-    with refused("was lost, most likely for lack of memory; give fewer"):
+def test_a_lost_worker_is_one_sentence_and_work_goes_on_afterwards(two, work, rejected):
+    with rejected("was lost, most likely for lack of memory; give fewer"):
         list(two.map(work.end, range(4)))
     assert list(two.map(work.refuse, [2, 1])) == [2, 1]
 
@@ -47,8 +47,8 @@ def test_a_caller_that_wants_no_more_ends_the_work(two):
         ({"scheduler": "tcp://a:1", "workers": 2}, "has its own workers; leave out their number"),
     ],
 )
-def test_options_that_contradict_each_other_are_one_sentence(options, sentence, refused):
-    with refused(sentence.replace("?", r"\?")):
+def test_options_that_contradict_each_other_are_one_sentence(options, sentence, rejected):
+    with rejected(sentence.replace("?", r"\?")):
         choose_engine(**options)
 
 

@@ -109,7 +109,7 @@ def test_two_effects_look_less_alike_along_the_motion_found(two_link, find):
     assert np.linalg.norm(bases[0].T @ bases[1], 2) < 0.3
 
 
-def test_torque_and_closure_stay_near_those_of_logs_or_are_refused(find, monkeypatch, refused):
+def test_torque_and_closure_stay_near_those_of_logs_or_are_refused(find, monkeypatch, rejected):
     robot = Robot.load("five-bar")
     wide = {
         j: {"q": [m - 0.45, m + 0.45], "v": 20, "a": 300}
@@ -124,7 +124,7 @@ def test_torque_and_closure_stay_near_those_of_logs_or_are_refused(find, monkeyp
     assert np.all(np.abs(used).max(0) <= 2.1 * np.abs(log.tau).max(0))
     strict = replace(find_limits(robot, wide), closure_bound=1.01)
     monkeypatch.setattr(workflow, "find_limits", lambda *_: strict)
-    with refused("No motion of five-bar was found that meets three conditions"):
+    with rejected("No motion of five-bar was found that meets three conditions"):
         find(robot, **short)
 
 
@@ -151,6 +151,6 @@ def test_logs_may_be_frames(simulated, two_link, find):
 @pytest.mark.parametrize(
     "verb", [excite, lambda robot: predict(robot, robot, "walk.csv", forward=True)]
 )
-def test_a_robot_on_its_feet_is_put_on_a_stand(verb, refused):
-    with refused(r"floats, and .* is not supported: put it on a stand"):
+def test_a_robot_on_its_feet_is_put_on_a_stand(verb, rejected):
+    with rejected(r"floats, and .* is not supported: put it on a stand"):
         verb("walking-quadruped")

@@ -44,10 +44,10 @@ def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):
         ("slider1 = {q = [2, 1]}", "the lower limit must be below the upper one"),
     ],
 )
-def test_wrong_limits_are_refused_in_one_sentence(tmp_path, text, sentence, refused):
+def test_wrong_limits_are_refused_in_one_sentence(tmp_path, text, sentence, rejected):
     file = tmp_path / "limits.toml"
     file.write_text(text)
-    with refused(sentence.replace("[", r"\[")) as error:
+    with rejected(sentence.replace("[", r"\[")) as error:
         find_limits(Robot.load("3-rps"), file)
     assert "\n" not in str(error.value)
 

@@ -30,13 +30,13 @@ def runs(tmp_path):
     return simulate_runs
 
 
-def test_a_file_that_errs_more_on_motion_that_was_not_fitted_is_refused(runs, tmp_path, refused):
+def test_a_file_that_errs_more_on_motion_that_was_not_fitted_is_refused(runs, tmp_path, rejected):
     robot, loaded, bare = runs(4.0, 0.0)
     result = analyze(robot, loaded, bare, replicates=0)
     stated = result.real_robot
     given = stated["error_ra_validation_given_files"]["mjcf"]
     assert stated["error_ra_validation_files"]["mjcf"] > 1.5 * given
-    with refused(r"fit\.xml alone errs by .* force=True"):
+    with rejected(r"fit\.xml alone errs by .* force=True"):
         export(robot, result, tmp_path / "fit.xml")
     assert not (tmp_path / "fit.xml").exists()
     forced = export(robot, result, tmp_path / "fit.xml", validate=bare, force=True)
@@ -45,7 +45,7 @@ def test_a_file_that_errs_more_on_motion_that_was_not_fitted_is_refused(runs, tm
     assert forced.unseen.before == pytest.approx(given, rel=0.01)
 
 
-def test_a_file_that_errs_more_on_the_fitted_logs_is_refused(runs, tmp_path, refused):
+def test_a_file_that_errs_more_on_the_fitted_logs_is_refused(runs, tmp_path, rejected):
     robot, log, unseen = runs(4.0, 4.0)
     result = analyze(robot, log, unseen, replicates=0)
     stated = result.real_robot
@@ -58,5 +58,5 @@ def test_a_file_that_errs_more_on_the_fitted_logs_is_refused(runs, tmp_path, ref
     content["parameters"].append({"name": "elbow.Fs", "torque_share": 0.5})
     path.write_text(json.dumps(content), "utf-8")
     why = r"On the fitted logs refused\.xml alone errs by .* is Stribeck friction \(elbow\.Fs\)"
-    with refused(why):
+    with rejected(why):
         export(robot, path, tmp_path / "refused.xml")

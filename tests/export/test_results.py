@@ -33,13 +33,13 @@ def test_a_diagnosis_is_exported_with_what_it_named(fixed, replayed, tmp_path):
     assert again.robot.shapes["elbow.stribeck_friction"] > 0
 
 
-def test_a_body_that_cannot_exist_is_refused(tmp_path, refused):
+def test_a_body_that_cannot_exist_is_refused(tmp_path, rejected):
     result = analyze("two-link", make_log("two-link", "a", []), replicates=0)
     path = result.to_json(tmp_path / "result.json")
     content = json.loads(path.read_text())
     content["physical"]["parameters"]["link2.Ixx"] = 99.0
     path.write_text(json.dumps(content))
-    with refused(r"link2: .*no body turns like that"):
+    with rejected(r"link2: .*no body turns like that"):
         export(result.robot, path, tmp_path / "x.xml")
     assert not (tmp_path / "x.xml").exists()
     large = r"link1.my': input should be less than or equal to 10{15}"
@@ -47,6 +47,6 @@ def test_a_body_that_cannot_exist_is_refused(tmp_path, refused):
     for name, value, why in wrong:
         content["physical"]["parameters"] |= {"link2.Ixx": 0.1, name: value}
         path.write_text(json.dumps(content))
-        with refused(why):
+        with rejected(why):
             export(result.robot, path, tmp_path / "x.xml")
         del content["physical"]["parameters"][name]

@@ -96,7 +96,7 @@ def test_servos_of_an_mjcf_go_with_its_urdf(tmp_path):
     assert_allclose(model.actuator_gainprm[:, 0], robot.servo.kp)
 
 
-def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made, refused):
+def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made, rejected):
     robot, _, _, path = made
     done = export(robot, path, path.with_name("servos.py"), "isaaclab")
     text = done.robot.read_text()
@@ -118,7 +118,7 @@ def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made, refused):
     again = export(limited, path, path.with_name("limited.py"), "isaaclab")
     # Joints that a table leaves out would have no torque.
     assert "effort_limit={'shoulder': 900.0, 'elbow': 1000000000.0}" in again.robot.read_text()
-    with refused("states no gains of servos"):
+    with rejected("states no gains of servos"):
         export("two-link", path, path.with_name("none.py"), "isaaclab")
 
 

@@ -106,14 +106,14 @@ def test_gaps_are_those_that_were_put_in(run):
     assert record.clock["longest"] == pytest.approx(6 * (run.t[1] - run.t[0]))
 
 
-def test_what_cannot_be_prepared_or_read_is_refused(run, refused):
+def test_what_cannot_be_prepared_or_read_is_refused(run, rejected):
     shoulder, elbow = np.degrees(run.q).T
-    with refused("degrees"):
+    with rejected("degrees"):
         look(run, shoulder__q=shoulder, elbow__q=elbow)
     shoulder, elbow = np.radians(run.q).T
     assert "Hardly: " in look(run, shoulder__q=shoulder, elbow__q=elbow).details
     torqueless = run.to_frame().drop(columns=["shoulder.tau", "elbow.tau"])
-    with refused("torque"):
+    with rejected("torque"):
         inspect("two-link", torqueless)
 
 

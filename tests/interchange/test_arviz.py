@@ -51,10 +51,10 @@ def test_standard_parameters_stand_beside_those_of_the_model(result):
     assert result.to_arviz()["posterior"].dataset["standard_parameter"].values.tolist() == free
 
 
-def test_what_is_not_there_is_said_in_a_sentence(result, simulated_session, monkeypatch, refused):
+def test_what_is_not_there_is_said_in_a_sentence(result, simulated_session, monkeypatch, rejected):
     bare = analyze("two-link", simulated_session("two-link", "a", samples=200), replicates=0)
-    with refused(r"ask for it with analyze\(…, posterior=True\)\.$"):
+    with rejected(r"ask for it with analyze\(…, posterior=True\)\.$"):
         bare.to_arviz()
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with refused(r"pip install '\.\[arviz\]'\.$"):
+    with rejected(r"pip install '\.\[arviz\]'\.$"):
         result.to_arviz()

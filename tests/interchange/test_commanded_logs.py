@@ -113,11 +113,11 @@ base_yaw = {scale = 0.017453292519943295}
         (4096 / (2 * np.pi), "scale = 0.00153398, offset = -3.14159"),
     ],
 )
-def test_units_that_nobody_stated_are_refused_with_what_to_write(scale, said, arm, frame, refused):
+def test_units_that_nobody_stated_are_refused_with_what_to_write(scale, said, arm, frame, rejected):
     motion = frame.drop(columns="t")
     table = motion * scale if scale < 60 else (motion * scale + 2048).round()
     table = table.assign(t=frame["t"])
-    with refused(said) as error:
+    with rejected(said) as error:
         predict(arm, arm, table, forward=True)
     assert '[columns] "*" = {scale = …, offset = …} in the sidecar' in str(error.value)
 

@@ -58,7 +58,7 @@ def test_the_home_keyframe_selects_the_assembly(rps):
     assert (motion.q[:, hinges] < 0.6).all()
 
 
-def test_positions_out_of_reach_are_dropped_and_named(rps, refused):
+def test_positions_out_of_reach_are_dropped_and_named(rps, rejected):
     trajectory = shipped_trajectory(rps, "601")
     t = trajectory.times(100)
     q, dq, ddq = trajectory.motion(t)
@@ -66,5 +66,5 @@ def test_positions_out_of_reach_are_dropped_and_named(rps, refused):
     motion = complete_motion(rps, t, q, dq, ddq)
     assert motion.dropped.tolist() == [7, 30]
     assert len(motion) == 98
-    with refused(r"close at none of the 100 samples.*slider1 = 0\.7"):
+    with rejected(r"close at none of the 100 samples.*slider1 = 0\.7"):
         complete_motion(rps, t, 1000 * q, dq, ddq)

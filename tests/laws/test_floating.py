@@ -173,18 +173,18 @@ def test_rows_change_as_little_as_the_motion_does(tmp_path):
     assert np.abs(np.diff(free, axis=0)).max() < 0.05
 
 
-def test_what_a_sidecar_says_of_contacts_is_checked(tmp_path, refused):
+def test_what_a_sidecar_says_of_contacts_is_checked(tmp_path, rejected):
     text = machine(QUADRUPED)
-    with refused(r"names 'leg0_fot', .* did you mean 'leg0_foot'"):
+    with rejected(r"names 'leg0_fot', .* did you mean 'leg0_foot'"):
         load(tmp_path, text, "[[contacts]]\nframe = 'leg0_fot'")
-    with refused("no free joint, and its sidecar"):
+    with rejected("no free joint, and its sidecar"):
         load(tmp_path, machine(QUADRUPED, base=""), 'base = "floating"')
     fixed = load(tmp_path, text, 'base = "fixed"\n[[contacts]]\nframe = "leg0_foot"')
     assert len(fixed.joints) == 12
     assert fixed.base is None
 
 
-def test_what_floats_beside_a_robot_is_left_out_and_two_robots_are_refused(tmp_path, refused):
+def test_what_floats_beside_a_robot_is_left_out_and_two_robots_are_refused(tmp_path, rejected):
     ball = '<body name="ball"><freejoint/><geom size=".1" mass="1"/></body>'
     robot = load(tmp_path, machine(ARM, objects=ball))
     assert robot.outside == ("ball",)
@@ -194,5 +194,5 @@ def test_what_floats_beside_a_robot_is_left_out_and_two_robots_are_refused(tmp_p
         '<joint name="flap"/><geom size=".1" mass="1"/></body></body>'
     )
     text = machine(ARM, objects=other).replace("</actuator>", '<motor joint="flap"/></actuator>')
-    with refused("drone, trunk float"):
+    with rejected("drone, trunk float"):
         load(tmp_path, text)

@@ -43,8 +43,8 @@ def test_sliding_joints_are_in_metres_whatever_angles_are(simulated):
     assert np.array_equal(Log.from_frame(log.to_frame(), conventions=known).q, log.q)
 
 
-def test_degrees_must_be_said_and_rad_may_be(degrees, refused):
+def test_degrees_must_be_said_and_rad_may_be(degrees, rejected):
     path, _ = degrees
-    with refused(r"it looks like degrees: say .*angles='deg'"):
+    with rejected(r"it looks like degrees: say .*angles='deg'"):
         prepare_log(Robot.load("six-dof-arm"), Log.read(path))
     assert len(prepare_log(Robot.load("six-dof-arm", angles="rad"), Log.read(path)).tau)

@@ -25,7 +25,7 @@ def with_sidecar(structure, tmp_path, torque):
 
 
 @pytest.mark.parametrize("good", ["two-link", everything("six-dof-arm")], indirect=True)
-def test_what_is_said_of_compensated_effort_mends_it(good, tmp_path, refused):
+def test_what_is_said_of_compensated_effort_mends_it(good, tmp_path, rejected):
     structure, log = good
     light = replace(log, tau=log.tau - weight(structure.robot, log))
     hint = analyze(structure.robot, light, replicates=0).hints[0]
@@ -38,5 +38,5 @@ def test_what_is_said_of_compensated_effort_mends_it(good, tmp_path, refused):
     assert any("was added to the measured torque" in note for note in ours.notes)
     said = with_sidecar(structure, tmp_path, "compensated = false").robot
     assert not any("compensated" in x for x in analyze(said, light, replicates=0).hints)
-    with refused(r"\[torque.compensated\] names 'joint_9'"):
+    with rejected(r"\[torque.compensated\] names 'joint_9'"):
         with_sidecar(structure, tmp_path, 'compensated = ["joint_9"]')

@@ -95,8 +95,8 @@ def test_masses_are_bounded_body_by_body_and_in_all_and_a_name_goes_before_a_pat
         ("[bounds]\ntotal_mass = [5, 6]\n[bounds.bodies.'*']\nmass = [1, 2]", "is 2 … 4 kg; widen"),
     ],
 )
-def test_bounds_that_cannot_be_are_refused(bounded, text, said, refused):
-    with refused(said):
+def test_bounds_that_cannot_be_are_refused(bounded, text, said, rejected):
+    with rejected(said):
         bounded(text)
 
 

@@ -164,16 +164,16 @@ def test_the_command_writes_tables_and_a_page(analysis, make_log, told, tmp_path
         (lambda c: c["fit"]["values"].pop(), "tables of another size"),
     ],
 )
-def test_what_cannot_be_read_back_is_refused_by_name(analysis, tmp_path, change, says, refused):
+def test_what_cannot_be_read_back_is_refused_by_name(analysis, tmp_path, change, says, rejected):
     path = analysis.to_json(tmp_path / "result.json")
     content = json.loads(path.read_text())
     change(content)
     path.write_text(json.dumps(content))
-    with refused(says):
+    with rejected(says):
         Analysis.from_json(path, "two-link")
 
 
-def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path, refused):
+def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path, rejected):
     """Whatever its columns are called; the same prediction, and nothing said of an error."""
     log = make_log("two-link", "b", 3)
     joints = analysis.robot.joints
@@ -201,9 +201,9 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path, 
         [np.nan, whole.error_ra], nan_ok=True, rel=1e-5
     )
     assert "predicted alone: log 1" in both.details
-    with refused(r"no column shoulder\.tau"):
+    with rejected(r"no column shoulder\.tau"):
         analyze("two-link", bare)
-    with refused(r"no column shoulder\.q"):
+    with rejected(r"no column shoulder\.q"):
         analysis.predict(bare.drop(columns="shoulder.q"))
     half = analysis.predict(frame.drop(columns="shoulder.tau"))
     assert_allclose(half.predicted, whole.predicted, rtol=1e-12)

@@ -102,7 +102,7 @@ def test_json_and_report_hold_the_ladder(pruned, tmp_path):
         assert words in page
 
 
-def test_the_user_can_keep_and_drop_parameters(simulated, refused):
+def test_the_user_can_keep_and_drop_parameters(simulated, rejected):
     log = simulated("five-bar", "a", 0)
     plain = prune("five-bar", log, replicates=0).chosen.columns
     assert "left_proximal.mz" not in plain
@@ -112,9 +112,9 @@ def test_the_user_can_keep_and_drop_parameters(simulated, refused):
     out = prune("five-bar", log, **kept, **gone, replicates=0)
     assert "left_proximal.mz" in out.chosen.columns
     assert "right_shoulder.Fv" not in out.chosen.columns
-    with refused(r"did you mean 'left_proximal\.mz'"):
+    with rejected(r"did you mean 'left_proximal\.mz'"):
         prune("five-bar", log, forbid=["left_proximal.mzz"])
-    with refused("to be kept and to be dropped"):
+    with rejected("to be kept and to be dropped"):
         prune("five-bar", log, **kept, force=kept["forbid"])
 
 

@@ -62,11 +62,11 @@ def test_couplings_loops_and_mimic_joints_go_together(agrees):
     assert agrees(text, sidecar=side + HOME, spread=0.4).passive == ("knee", "w", "p", "heel")
 
 
-def test_couplings_that_cannot_be_are_refused(load_text, refused):
-    with refused("'w' cannot be locked, as it follows elbow, shoulder"):
+def test_couplings_that_cannot_be_are_refused(load_text, rejected):
+    with rejected("'w' cannot be locked, as it follows elbow, shoulder"):
         load_text(arm(inside=WRIST.format(w="")), sidecar=SIDECAR, lock={"w": 0.2})
-    with refused("closes a loop with <tendon>; only <connect>, <weld>"):
+    with rejected("closes a loop with <tendon>; only <connect>, <weld>"):
         load_text(coupled())
     own = SIDECAR.replace("{shoulder = [0, -0.3, 0, 0.1]}", "{w = [0, 1]}")
-    with refused("cannot be coupled to itself"):
+    with rejected("cannot be coupled to itself"):
         load_text(arm(inside=WRIST.format(w="")), sidecar=own)

@@ -156,8 +156,8 @@ def arm(**row):
         ({**arm(), "sidecar": {"limit": {}}}, "'sidecar.limit' is not a key that is known here"),
     ],
 )
-def test_tables_that_cannot_be_are_refused_in_a_sentence(table, sentence, tmp_path, refused):
-    with refused(sentence):
+def test_tables_that_cannot_be_are_refused_in_a_sentence(table, sentence, tmp_path, rejected):
+    with rejected(sentence):
         write_table(table, tmp_path / "robot.urdf")
     assert list(tmp_path.iterdir()) == []
 

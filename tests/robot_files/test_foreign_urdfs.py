@@ -52,19 +52,19 @@ def test_a_joint_without_limits_is_free(load, old, new):
         ("</robot>", '<xacro:include filename="b.xacro"/></robot>', "<xacro:include>"),
     ],
 )
-def test_what_xacro_would_add_is_not_lost_without_a_word(load, old, new, left, refused):
-    with refused("xacro file that was not expanded") as error:
+def test_what_xacro_would_add_is_not_lost_without_a_word(load, old, new, left, rejected):
+    with rejected("xacro file that was not expanded") as error:
         load(old, new)
     assert left in str(error.value)
     assert "run xacro arm.urdf > robot.urdf and" in str(error.value)
 
 
-def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load, refused):
+def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load, rejected):
     hand = """<link name="tip"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="wrist" type="revolute"><parent link="arm"/><child link="tip"/><axis xyz="0 1 0"/>
 <mimic joint="elbo"/></joint></robot>"""
-    with refused("'wrist' mimics 'elbo', but no other joint") as error:
+    with rejected("'wrist' mimics 'elbo', but no other joint") as error:
         load("</robot>", hand)
     assert "did you mean 'elbow'?" in str(error.value)
     assert "[[couplings]]" in str(error.value)

@@ -105,9 +105,9 @@ def test_a_wheel_that_its_file_balances_moves_as_an_unbalanced_one(load_text):
     follows_its_torque(load_text(text, sidecar='nominal = {"wheel.mx" = 0.2, "axle.K" = 0.01}'))
 
 
-def test_a_coupling_that_mujoco_does_not_have_is_refused(load_text, refused):
+def test_a_coupling_that_mujoco_does_not_have_is_refused(load_text, rejected):
     robot = load_text(arm(inside=BODY), sidecar=FOLLOWS)
-    with refused("'w' follows several others"):
+    with rejected("'w' follows several others"):
         ForwardRobot(robot, {})
 
 

@@ -18,10 +18,10 @@ def homeless(text):
 
 
 @pytest.mark.parametrize("name", ["five-bar", "3-rrr", "delta"])
-def test_without_its_home_a_robot_that_is_drawn_open_is_asked_for_one(name, load_text, refused):
+def test_without_its_home_a_robot_that_is_drawn_open_is_asked_for_one(name, load_text, rejected):
     path = locate_robot(name)
     side = path.with_suffix(".toml").read_text()
-    with refused(r"open by .* not determined; give .* \[home\]"):
+    with rejected(r"open by .* not determined; give .* \[home\]"):
         load_text(homeless(path.read_text()), sidecar=side)
 
 
@@ -47,11 +47,11 @@ def test_the_position_that_closes_a_drawing_is_used_and_said(load_text):
     assert_allclose(moved[1].q + offset, moved[0].q, atol=1e-9)
 
 
-def test_positions_of_actuated_joints_that_a_sidecar_states_stay(load_text, refused):
+def test_positions_of_actuated_joints_that_a_sidecar_states_stay(load_text, rejected):
     text = homeless(parallelogram(CLOSURES["site on the root"]))
     for body, at in (("crank", 0.6), ("coupler", -0.5), ("rocker", 0.5)):
         text = text.replace(f'<body name="{body}"', f'<body name="{body}" euler="0 {-at} 0"')
     robot = load_text(text, sidecar="[home]\ndrive = 0.1")
     assert_allclose(robot.home, [0.1, -0.2, 0.2], atol=1e-9)
-    with refused(r"open by 0\.\d+ m .* such as knee = -0\.1000, heel"):
+    with rejected(r"open by 0\.\d+ m .* such as knee = -0\.1000, heel"):
         load_text(text, sidecar="[home]\nknee = 1.0")

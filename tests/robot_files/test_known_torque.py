@@ -108,14 +108,14 @@ def test_a_line_is_the_spring_of_the_robot_file(tmp_path, joint):
     assert_allclose(prepare_log(robot, log, how).tau, bare.tau, atol=1e-7)
 
 
-def test_nothing_is_extrapolated(tmp_path, refused):
+def test_nothing_is_extrapolated(tmp_path, rejected):
     """Beyond a table, or the range of a polynomial, log and simulation are refused."""
     text = '[[known_torque]]\nalong = "elbow"\npolynomial = [0, 1]\nrange = [-0.1, 0.1]\n'
     robot = with_sidecar(tmp_path, "two-link", text)
     log = log_of(Robot.load("two-link"))
-    with refused(r"'elbow' is at .* from -0\.1 to 0\.1: .* lie outside"):
+    with rejected(r"'elbow' is at .* from -0\.1 to 0\.1: .* lie outside"):
         prepare_log(robot, log)
-    with refused("nothing is extrapolated"):
+    with rejected("nothing is extrapolated"):
         log_of(robot)
     edge = KnownTorque(along="j", table=[(0, 1), (1, 2)])
     assert_allclose(edge.force(np.array([0.0, 1.0])), [1, 2])
@@ -134,14 +134,14 @@ def test_nothing_is_extrapolated(tmp_path, refused):
         ('along = "elbow"\ntable = [[0, 1], [1, 2]]\nrange = [0, 1]', "leave out the range"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(tmp_path, text, words, refused):
-    with refused(words):
+def test_what_cannot_be_meant_is_refused(tmp_path, text, words, rejected):
+    with rejected(words):
         with_sidecar(tmp_path, "two-link", f"[[known_torque]]\n{text}\n")
 
 
-def test_gains_are_not_identified_beside_it(tmp_path, refused):
+def test_gains_are_not_identified_beside_it(tmp_path, rejected):
     robot = with_sidecar(tmp_path, "two-link", CABLE)
-    with refused("take it out"):
+    with rejected("take it out"):
         payload(robot, "empty.csv", "loaded.csv", mass=1, centre=(0, 0, 0))
 
 

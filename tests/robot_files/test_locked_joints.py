@@ -79,13 +79,13 @@ def test_a_motor_of_a_closed_chain_can_be_locked_at_its_home(agrees):
     assert robot.locked == {"right_shoulder": pytest.approx(home)}
 
 
-def test_a_locked_gripper_on_a_closed_chain_is_part_of_its_body(agrees, refused):
+def test_a_locked_gripper_on_a_closed_chain_is_part_of_its_body(agrees, rejected):
     closure = CLOSURES["site on the root"]
     text = parallelogram(closure, sites="").replace(
         '<site name="toe"', '<body name="claw" pos="-0.3 0 0.1" euler="0 0.3 0.1"><joint name="jaw"'
         ' axis="0 1 0"/><inertial mass="0.4" pos="0.1 0 0" diaginertia="0.01 0.02 0.02"/></body>'
         '<site name="toe"').replace('0.7"/></keyframe>', '0.7 0.1"/></keyframe>')  # fmt: skip
-    with refused("jaw"):
+    with rejected("jaw"):
         agrees(text, spread=0.3)
     robot = agrees(text, spread=0.3, lock=["jaw"])
     assert robot.locked == {"jaw": pytest.approx(0.1)}  # where home has it
@@ -93,7 +93,7 @@ def test_a_locked_gripper_on_a_closed_chain_is_part_of_its_body(agrees, refused)
 
 
 def test_a_gripper_with_loops_of_its_own_is_locked_by_patterns_and_its_loops_with_it(
-    load_text, refused
+    load_text, rejected
 ):
     """A scene's gripper closes its own loops: locked whole, they say nothing."""
     loop = """<body name="claw{k}" pos="0.3 0 {z}"><joint name="grip_{k}" axis="0 1 0"/>
@@ -104,7 +104,7 @@ def test_a_gripper_with_loops_of_its_own_is_locked_by_patterns_and_its_loops_wit
     tie = '<equality><connect body1="pad0" body2="pad1" anchor="0 0 0.05"/></equality>'
     motors = '<actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator>'
     text = arm(inside=inside, actuator=f"{tie}{motors}")
-    with refused(r"such as a gripper: .*lock=\['grip_0', .*'pad_1'\]"):
+    with rejected(r"such as a gripper: .*lock=\['grip_0', .*'pad_1'\]"):
         load_text(text)
     robot = load_text(text, lock=["grip_*", "pad_?"])
     assert robot.joints == ("shoulder", "elbow")
@@ -179,9 +179,9 @@ def test_couplings_of_a_sidecar_add_to_those_of_the_file(load_text):
     ],
 )
 def test_what_cannot_be_locked_is_refused_with_the_remedy(
-    sidecar, lock, sentence, load_text, refused
+    sidecar, lock, sentence, load_text, rejected
 ):
-    with refused(sentence):
+    with rejected(sentence):
         load_text(fingers(), "urdf", sidecar, lock)
 
 
@@ -219,13 +219,13 @@ def test_a_robot_with_a_locked_gripper_moves_as_the_welded_one(load_text):
     assert_allclose(one, two, rtol=0, atol=1e-7)
 
 
-def test_a_result_is_exported_under_the_locks_it_was_made_with(load_text, tmp_path, refused):
+def test_a_result_is_exported_under_the_locks_it_was_made_with(load_text, tmp_path, rejected):
     robot = load_text(fingers(), "urdf", lock=["f1=0.02"])
     path = random_trajectory(robot, default_rng(0))
     log = simulate(robot, PrescribedMotion.of(path, 600))
     result = analyze(robot, log, replicates=0)
     out = tmp_path / "fitted.urdf"
-    with refused(r"made with f1 = 0\.02, f2 = .*lock="):
+    with rejected(r"made with f1 = 0\.02, f2 = .*lock="):
         export(Robot.load(robot.path), result, out)
     export(robot, result, out)
     assert Robot.load(out).locked == pytest.approx(robot.locked)

@@ -47,9 +47,9 @@ def test_couplings_follow_each_other_and_inactive_equalities_are_none(agrees):
     assert agrees(off.replace("</actuator>", '<motor joint="elbow"/></actuator>')).loops == ()
 
 
-def test_a_loop_that_is_open_at_home_is_told_with_positions_that_close_it(load_text, refused):
+def test_a_loop_that_is_open_at_home_is_told_with_positions_that_close_it(load_text, rejected):
     closure = CLOSURES["site on the root"]
-    with refused(r"open by 0\.\d+ m at the home .* such as knee = ") as told:
+    with rejected(r"open by 0\.\d+ m at the home .* such as knee = ") as told:
         load_text(parallelogram(closure, home="0.7 0.3"))
     knee, heel = (float(str(told.value).split(f"{j} = ")[1][:7].rstrip(",. ")) for j in
                   ("knee", "heel"))  # fmt: skip
@@ -65,17 +65,17 @@ BALL = arm(worldbody=LINKS.replace('<joint name="elbow" axis="0 -1 0" {elbow}/>'
                                    '<joint name="elbow" type="ball"/>'))  # fmt: skip
 
 
-def test_a_base_on_a_free_joint_floats_on_six_that_stand_for_it(load_text, refused):
+def test_a_base_on_a_free_joint_floats_on_six_that_stand_for_it(load_text, rejected):
     robot = load_text(FLOATING)
     assert robot.joints == (*BASE_JOINTS, *robot.motor_joints)
     assert robot.base.title == "root"
     assert load_text(FLOATING.replace('<freejoint name="root"/>', "")).joints == robot.motor_joints
-    with refused("the free joint 'root' cannot be actuated"):
+    with rejected("the free joint 'root' cannot be actuated"):
         load_text(FLOATING.replace("</actuator>", '<motor joint="root"/></actuator>'))
 
 
 def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks_closures(
-    load_text, refused
+    load_text, rejected
 ):
     legged = parallelogram(CLOSURES["site on the root"], home="0 0 1 1 0 0 0 0.7 -0.7")
     legged = legged.replace("<site name", '<freejoint name="root"/><geom size="1"/><site name', 1)
@@ -87,7 +87,7 @@ def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks
     text = parallelogram(CLOSURES["site on the root"] + tie, home="0 0 0 1 0 0 0 0.7 -0.7").replace(
         "<worldbody>", f"<worldbody>{plate}"
     )
-    with refused(
+    with rejected(
         r"Ball and floating joints \(f\) can only be passive in a closed loop",
     ):
         load_text(text)
@@ -96,9 +96,9 @@ def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks
 
 
 @pytest.mark.parametrize("actuator", [MOTORS, "", '<actuator><motor joint="shoulder"/></actuator>'])
-def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text, refused):
+def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text, rejected):
     text = BALL.replace(MOTORS, actuator)
-    with refused(r"elbow.* three hinges in one body"):
+    with rejected(r"elbow.* three hinges in one body"):
         load_text(text)
     hinges = [f'<joint name="elbow_{a}" axis="{x}"/>'
               for a, x in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)]  # fmt: skip
@@ -109,7 +109,7 @@ def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text, refused)
     assert load_text(text).joints == ("shoulder", "elbow_x", "elbow_y", "elbow_z")
 
 
-def test_friction_of_a_ball_is_refused(load_text, refused):
+def test_friction_of_a_ball_is_refused(load_text, rejected):
     text = BALL.replace('type="ball"', 'type="ball" damping="1"')
-    with refused("'elbow' has damping, and is a ball"):
+    with rejected("'elbow' has damping, and is a ball"):
         load_text(text)

@@ -34,10 +34,10 @@ REFUSED = {
 }
 
 
-def test_files_that_no_inertia_needs_may_be_missing(agrees, load_text, refused):
+def test_files_that_no_inertia_needs_may_be_missing(agrees, load_text, rejected):
     shape = '<geom type="mesh" mesh="shape" material="m"/>'
     assert load_text(arm(after=MISSING, inside=shape)).nominal == agrees(arm()).nominal
-    with refused(r"cannot be read by MuJoCo: .*none\.stl"):
+    with rejected(r"cannot be read by MuJoCo: .*none\.stl"):
         load_text(arm(after=MISSING, inside=f'<body name="tool">{shape}</body>'))
 
 
@@ -63,9 +63,9 @@ def test_the_hash_knows_meshes_that_weigh_and_no_others(load_text, tmp_path):
 
 
 @pytest.mark.parametrize("feature", REFUSED)
-def test_what_no_parameter_can_hold_is_refused_by_name(feature, load_text, refused):
+def test_what_no_parameter_can_hold_is_refused_by_name(feature, load_text, rejected):
     text, sentence = REFUSED[feature]
-    with refused(sentence):
+    with rejected(sentence):
         load_text(text)
 
 

@@ -79,18 +79,18 @@ def test_equations_that_say_the_same_change_nothing(agrees):
     agrees(two_rockers(), spread=0.7)
 
 
-def test_redundant_cranks_must_agree_at_every_sample(load_text, refused):
+def test_redundant_cranks_must_agree_at_every_sample(load_text, rejected):
     robot = load_text(two_rockers())
     q = np.linspace(0.6, 2.0, 50)[:, None]
     motion = still(robot, q)
     assert newton(robot, motion.q, most=0).error.max() < 1e-12
     assert_allclose(motion.q[:, 2:], q.repeat(2, 1), atol=1e-9)
-    with refused("the loops are open by"):
+    with rejected("the loops are open by"):
         load_text(two_rockers(0.405))
     # It closes upright, with cranks of another length; nowhere else.
     short = two_rockers(0.3).replace('name="pin1" pos="0.3 0 0"', 'name="pin1" pos="0.3 0 0.1"')
     stuck = load_text(short)
-    with refused("close at none of the 20 samples"):
+    with rejected("close at none of the 20 samples"):
         still(stuck, np.linspace(1.7, 2.0, 20)[:, None])
 
 

@@ -58,8 +58,8 @@ def test_patterns_are_the_names_that_fit_them(load_text):
         ('[torque]\nsign = {"wrist_*" = -1}', r"Known: shoulder, elbow\."),
     ],
 )
-def test_a_pattern_that_nothing_fits_is_refused(line, sentence, load_text, refused):
-    with refused(sentence):
+def test_a_pattern_that_nothing_fits_is_refused(line, sentence, load_text, rejected):
+    with rejected(sentence):
         load_text(arm(), sidecar=line)
 
 

@@ -100,7 +100,7 @@ def test_a_root_link_called_world_is_the_world(load):
     assert floats.bodies[0] == "base_link"
 
 
-def test_fixed_joints_are_merged_before_bodies_count(load, refused):
+def test_fixed_joints_are_merged_before_bodies_count(load, rejected):
     def frames(count, kind):
         return "".join(
             f'<link name="f{k}"/><joint name="g{k}" type="{kind}"><parent link="link_6"/>'
@@ -109,7 +109,7 @@ def test_fixed_joints_are_merged_before_bodies_count(load, refused):
         )
 
     assert len(load(ARM.replace("</robot>", frames(400, "fixed") + "</robot>")).bodies) == 6
-    with refused("has 206 bodies that move, with fixed joints merged; "):
+    with rejected("has 206 bodies that move, with fixed joints merged; "):
         load(ARM.replace("</robot>", frames(200, "continuous") + "</robot>"))
 
 
@@ -150,9 +150,9 @@ def with_inertia(text, **moments):
 NEGATIVE, TRIANGLE = (-0.5, 0.25, 0.125, 0, 0, 0), (0.5, 0.125, 0.125, 0, 0, 0)
 
 
-def test_all_bodies_that_cannot_exist_are_listed_with_the_numbers_of_the_file(load, refused):
+def test_all_bodies_that_cannot_exist_are_listed_with_the_numbers_of_the_file(load, rejected):
     text = with_inertia(ARM, link_2=NEGATIVE, link_4=TRIANGLE, link_5=(9, -9, 9, 0, 0, 0))
-    with refused("states 3 bodies that cannot exist: link_2 ") as error:
+    with rejected("states 3 bodies that cannot exist: link_2 ") as error:
         load(text)
     said = str(error.value)
     assert "ixx = -0.5, iyy = 0.25, izz = 0.125 kg·m²: a principal moment is negative" in said
@@ -167,21 +167,21 @@ def test_bodies_that_break_the_triangle_inequality_are_all_reported(load):
     assert "ixx = 0.5, iyy = 0.125, izz = 0.125 kg·m²: one principal moment is more than" in text
 
 
-def test_impossible_bodies_of_an_mjcf_are_all_listed(tmp_path, refused):
+def test_impossible_bodies_of_an_mjcf_are_all_listed(tmp_path, rejected):
     text = locate_robot("two-link").read_text()
     changed = re.sub(r'(full|diag)inertia="[^"]*"', 'diaginertia="5 1 1"', text)
     path = tmp_path / "robot.xml"
     path.write_text(changed)
-    with refused("states 2 bodies that cannot exist: link1 ") as error:
+    with rejected("states 2 bodies that cannot exist: link1 ") as error:
         Robot.load(path)
     assert str(error.value).count("M11 = 5, M22 = 1, M33 = 1") == 2
 
 
 @pytest.mark.parametrize("mass", ["1e-15", "1e-13", "5e-324"])
-def test_a_mass_that_no_arithmetic_holds_is_refused(mass, load, refused):
+def test_a_mass_that_no_arithmetic_holds_is_refused(mass, load, rejected):
     start = ARM.index(LINK)
     after = re.sub(r'<mass value="[^"]*"', f'<mass value="{mass}"', ARM[start:], count=1)
-    with refused(r"link_3\.m = .* is below 1e-12 kg, the least mass"):
+    with rejected(r"link_3\.m = .* is below 1e-12 kg, the least mass"):
         load(ARM[:start] + after)
 
 
@@ -246,12 +246,12 @@ def legged(waist):
     return f'<robot name="walker">{links}{joints}</robot>'
 
 
-def test_legs_below_a_waist_are_reported_until_somebody_says_what_holds_the_base(load, refused):
+def test_legs_below_a_waist_are_reported_until_somebody_says_what_holds_the_base(load, rejected):
     (found,) = of_key((n.text for n in inspect(load(legged(waist=True))).needs), "legs")
     assert "left_thigh, right_thigh seem to be legs" in found
     assert "calf" not in found
     for base in ("fixed", "floating"):
         robot = load(legged(waist=True), f'base = "{base}"')
         assert not of_key((n.text for n in inspect(robot).needs), "legs")
-    with refused("carries the legs left_thigh, right_thigh, so it may"):
+    with rejected("carries the legs left_thigh, right_thigh, so it may"):
         load(legged(waist=False))

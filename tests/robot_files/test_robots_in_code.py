@@ -196,11 +196,11 @@ LINK = {"name": "a", "joint": "j"}
         (lambda _: Robot.build([{"name": "a", "jiont": "j"}]), "jiont"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_sentence(change, sentence, refused):
-    with refused(sentence):
+def test_what_cannot_be_is_refused_in_one_sentence(change, sentence, rejected):
+    with rejected(sentence):
         change(Robot.load("two-link"))
 
 
-def test_a_load_on_several_ends_must_be_told_where(refused):
-    with refused(r"left_distal, right_distal .* body="):
+def test_a_load_on_several_ends_must_be_told_where(rejected):
+    with rejected(r"left_distal, right_distal .* body="):
         Robot.load("five-bar").with_payload(mass=1.0)

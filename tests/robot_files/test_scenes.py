@@ -60,13 +60,13 @@ def test_what_no_motor_reaches_is_left_out_on_both_roads_and_said(after, load_te
     assert robot.identity["left_out"] == ["cup", "door"]
 
 
-def test_what_an_actuator_an_equality_or_the_sidecar_reaches_stays(load_text, refused):
+def test_what_an_actuator_an_equality_or_the_sidecar_reaches_stays(load_text, rejected):
     weld = '<equality><weld body1="cup" body2="link2"/></equality>'
     held = load_text(scene(CUP, MOTORS, weld))  # by the hand: a loop
     assert held.outside == ()
     assert len(held.passive) == 6
     driven = MOTORS.replace("</actuator>", '<motor joint="turn"/></actuator>')
-    with refused("1 joints have no actuator"):
+    with rejected("1 joints have no actuator"):
         load_text(scene(DOOR, driven))
     assert load_text(scene(DOOR, MOTORS), sidecar='locked = ["hinge", "turn"]').outside == ()
     alone = load_text(scene(DOOR, driven), sidecar='actuated = ["shoulder", "elbow"]')

@@ -54,12 +54,12 @@ def test_time_that_runs_back_is_seen_wherever_pieces_meet(at, frame, saved, read
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
-def test_a_file_that_changes_while_it_is_read_is_noticed(form, frame, saved, refused):
+def test_a_file_that_changes_while_it_is_read_is_noticed(form, frame, saved, rejected):
     path = saved(frame, form)
     pieces = read_pieces(path)
     next(pieces)
     path.touch()
-    with refused("changed while it was read"):
+    with rejected("changed while it was read"):
         list(pieces)
 
 

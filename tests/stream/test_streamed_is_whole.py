@@ -127,9 +127,9 @@ def test_only_rows_of_long_logs_stay_on_the_disk(frame_of, saved, monkeypatch):
     assert analyze("two-link", long[1], "none", replicates=0).information.samples == len(frame)
 
 
-def test_a_full_disk_is_said(frame_of, saved, monkeypatch, tmp_path, refused):
+def test_a_full_disk_is_said(frame_of, saved, monkeypatch, tmp_path, rejected):
     path = saved(frame_of("two-link", periods=2))
     monkeypatch.setattr(rows, "LONG", 1000)
     monkeypatch.setenv("TMPDIR", str(tmp_path / "nowhere"))
-    with refused("rows of a long log do not fit on the disk"):
+    with rejected("rows of a long log do not fit on the disk"):
         Log.read(path)

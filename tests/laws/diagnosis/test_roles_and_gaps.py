@@ -33,14 +33,14 @@ def test_the_last_of_several_logs_is_set_aside():
     assert divided([a, b], [c]).fitted == (a, b)
 
 
-def test_the_last_quarter_of_the_only_log_verifies(refused):
+def test_the_last_quarter_of_the_only_log_verifies(rejected):
     found = divided([log("a")])
     assert rows(found.fitted) == [(0, 711)]  # 5 % of 750 before the edge
     assert rows(found.held_out) == [(763, 999)]  # and of 250 after it
     assert "last 25 % of a" in found.verified_on
     short = divided([log("a", 399)])
     assert rows(short.fitted) == [(0, 398)]  # what is too short is fitted as a whole
-    with refused("at least 400 samples"):
+    with rejected("at least 400 samples"):
         require_held_out(short)
     assert len(divided([log("a", 400)]).held_out[0]) >= 90
 

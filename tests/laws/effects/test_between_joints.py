@@ -29,14 +29,14 @@ def test_a_leak_is_the_torque_or_the_speed_of_the_other_joint(polar, move, colum
             assert not column[:, 1 - k].any()
 
 
-def test_the_shape_of_a_leak_is_the_number_of_its_joint(refused):
+def test_the_shape_of_a_leak_is_the_number_of_its_joint(rejected):
     arm = Robot.load("six-dof-arm")
     units = {p.name: p.unit for p in Model.of("velocity_leak@joint_2:5").parameters(arm)}
     assert units == {"joint_2.by_joint_5": "N·m·s/rad"}
     typical = [p.kind for p in Model.of("torque_leak").parameters(arm)]
     assert typical[:3] == ["from_joint_2", "from_joint_1", "from_joint_2"]
     for number in (2.0, 7.0, 1.5, -1.0):
-        with refused(r"comes from joint .*; give the number of another"):
+        with rejected(r"comes from joint .*; give the number of another"):
             Model.of(f"velocity_leak@joint_2:{number}").parameters(arm)
 
 

@@ -224,7 +224,7 @@ def test_offsets_and_delays_are_at_joints_and_not_at_mixing_motors(pair):
 
 
 def test_an_effect_placed_at_some_joints_has_the_columns_that_it_has_there(
-    polar, columns, m, refused
+    polar, columns, m, rejected
 ):
     fine = columns(polar, m, "position_ripple@*:0.08")
     coarse = columns(polar, m, "position_ripple@*:0.2")
@@ -234,7 +234,7 @@ def test_an_effect_placed_at_some_joints_has_the_columns_that_it_has_there(
     assert names == ["reach.Rc", "lift.Rs", "lift.Rc", "lift.Rs", "lift.Rc"]
     expected = [(fine if k in (0, 3, 4) else coarse)[name][1] for k, name in enumerate(names)]
     assert_array_equal(placed.regressor(polar, m), np.stack(expected, axis=2))
-    with refused(r"acts at lift, reach\."):
+    with rejected(r"acts at lift, reach\."):
         Model.of("viscous_friction@rail").parameters(polar)
 
 
@@ -245,10 +245,10 @@ def test_the_columns_of_a_model_are_those_of_its_effects_side_by_side(polar, m):
     assert_array_equal(W, np.concatenate(alone, axis=2))
 
 
-def test_two_effects_with_one_parameter_are_refused_by_its_name(pair, refused):
+def test_two_effects_with_one_parameter_are_refused_by_its_name(pair, rejected):
     """Joints have levels of other names in each direction; a mixing motor has one level."""
     friction, levels = "coulomb_friction", "coulomb_asymmetry"
-    with refused(r"have the parameter m2\.Fc; leave one"):
+    with rejected(r"have the parameter m2\.Fc; leave one"):
         find_base_parameters(pair, Model.of(friction, f"{levels}@m2"))
     apart = find_base_parameters(pair, Model.of(f"{friction}@m2", f"{levels}@a"))
     assert apart.names == ("m2.Fc", "a.Fc+", "a.Fc-")

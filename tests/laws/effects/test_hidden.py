@@ -49,7 +49,7 @@ def rms(x):
         ("stribeck_friction", lambda v, x, load: np.sign(v) * np.exp(-np.abs(v) / 0.3 / rms(v))),
     ],
 )
-def test_each_law_is_written_out_and_sized_by_its_joints_torque(polar, move, name, law, refused):
+def test_each_law_is_written_out_and_sized_by_its_joints_torque(polar, move, name, law, rejected):
     assert name in HIDDEN
     load = default_rng(0).standard_normal((400, 2))
     tau = load * [3.0, 50.0] + 1.0
@@ -63,7 +63,7 @@ def test_each_law_is_written_out_and_sized_by_its_joints_torque(polar, move, nam
     assert_allclose(found, expected, atol=1e-12)
     only = hidden_torque(polar, move, rigid, tau, Hidden(name, 0.1, ("reach",)))
     assert_allclose(only, 2 * expected * [0, 1], atol=1e-12)
-    with refused("did you mean 'reach'"):
+    with rejected("did you mean 'reach'"):
         hidden_torque(polar, move, rigid, tau, Hidden(name, 0.1, ("reech",)))
 
 
@@ -132,11 +132,11 @@ def test_a_hidden_tilt_or_load_is_a_share_of_the_torque_of_all_joints(name, two_
     assert rms((changed - plain).ravel()) == pytest.approx(0.05 * rms(plain.ravel()))
 
 
-def test_what_is_hidden_is_said_with_joints_and_share(refused):
+def test_what_is_hidden_is_said_with_joints_and_share(rejected):
     assert parse_hidden("payload") == Hidden("payload", 0.05, ())
     assert parse_hidden("torque_offset@a+b=0.2") == Hidden("torque_offset", 0.2, ("a", "b"))
     for text in ("torque_offset=0", "torque_offset=-1", "torque_offset=inf", "torque_offset=x"):
-        with refused("is not understood"):
+        with rejected("is not understood"):
             parse_hidden(text)
 
 

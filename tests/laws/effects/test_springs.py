@@ -114,6 +114,6 @@ def test_shapes_are_distances_of_knots_and_only_reached_splines_are_tried(polar,
             assert W[:, :, k].any() == (name in used), (c.shape, name)
 
 
-def test_a_grid_too_fine_is_refused(polar, refused):
-    with refused("360 pieces"):
+def test_a_grid_too_fine_is_refused(polar, rejected):
+    with rejected("360 pieces"):
         Model.of("position_torque@lift:0.01").parameters(polar)

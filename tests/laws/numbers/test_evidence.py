@@ -86,9 +86,9 @@ def test_a_region_of_the_motion_is_left_out_in_all_its_repetitions():
 
 
 @pytest.mark.parametrize("memory", [61.0, 1000.0])
-def test_a_log_too_short_for_five_folds_is_refused_in_one_sentence(memory, refused):
+def test_a_log_too_short_for_five_folds_is_refused_in_one_sentence(memory, rejected):
     W, tau = rows(N=300)
-    with refused("stretches that can be predicted from the others; a choice"):
+    with rejected("stretches that can be predicted from the others; a choice"):
         Folds.of(gather(W, tau), memory)
 
 

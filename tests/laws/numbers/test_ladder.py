@@ -50,7 +50,7 @@ def test_nominal_is_the_value_of_the_whole_group(base):
     assert_allclose(Structure(ROBOT, Model(()), base).nominal_base, [3.5, 0.3, 1.0, 0.0])
 
 
-def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base, refused):
+def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base, rejected):
     zero, hold, tie, keep = submodels(
         base,
         {"name": "a", "zero": ["arm.m*"]},
@@ -65,13 +65,13 @@ def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base, refused):
     assert (tie.units[2], tie.labels[2]) == ("N·m", "Fc+(arm) = Fc-(arm)")
     assert_array_equal(tie.expand(np.array([1.0, 2.0, 3.0])), [1, 2, 3, 3])
     assert keep.columns == ("arm.mx", "arm.Fc+")
-    with refused(r"names the parameter 'leg\*', which is not there"):
+    with rejected(r"names the parameter 'leg\*', which is not there"):
         submodels(base, {"name": "e", "zero": ["leg*"]})
 
 
-def test_only_the_first_model_names_effects(refused):
+def test_only_the_first_model_names_effects(rejected):
     two = LadderEntry(models=[{"name": "a"}, {"name": "b", "effects": ["rigid_body"]}])
-    with refused("The model 'b' names effects, but a ladder reduces one"):
+    with rejected("The model 'b' names effects, but a ladder reduces one"):
         ladder_model(two)
     one = LadderEntry(models=[{"name": "a", "effects": ["rigid_body"]}])
     assert ladder_model(one).names == ("rigid_body",)

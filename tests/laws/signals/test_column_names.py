@@ -111,9 +111,9 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_is_not_certain_is_refused_with_the_remedy(case, refused):
+def test_what_is_not_certain_is_refused_with_the_remedy(case, rejected):
     columns, joints, sentence = REFUSED[case]
-    with refused(sentence):
+    with rejected(sentence):
         read(columns, joints)
 
 

@@ -134,7 +134,7 @@ def test_the_band_is_that_of_the_motion_and_not_of_its_gaps(two):
     assert bandwidth_of_windows([one, other], 0.01) == bandwidth_of_windows([one], 0.01)
 
 
-def test_a_late_stamp_is_no_gap_and_an_uneven_clock_is_refused(two, refused):
+def test_a_late_stamp_is_no_gap_and_an_uneven_clock_is_refused(two, rejected):
     late = np.zeros(2000)
     late[700] = 0.9 * DT
     s = prepare_log(two, Log.from_frame(frame(np.arange(2000), jitter=late)))
@@ -142,7 +142,7 @@ def test_a_late_stamp_is_no_gap_and_an_uneven_clock_is_refused(two, refused):
     assert any("jitter by 90 % of a step" in note for note in s.notes)
     assert not any("lost samples" in note for note in s.notes)
     log = Log.from_frame(frame(np.cumsum(np.tile([1, 1, 9], 700))), "log")
-    with refused("log is sampled so unevenly"):
+    with rejected("log is sampled so unevenly"):
         prepare_log(two, log)
 
 

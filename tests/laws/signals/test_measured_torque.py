@@ -57,7 +57,7 @@ def test_torque_is_the_value_times_gain_ratio_and_sign(load):
     assert torques(table(), load())[1] == ()
 
 
-def test_currents_stand_for_torques_where_their_gain_is_known(load, refused):
+def test_currents_stand_for_torques_where_their_gain_is_known(load, rejected):
     robot = load("[torque]\ngain = {a = 11, b = 7}\n")
     tau, notes = torques(table("current"), robot)
     assert_allclose(tau, table().filter(like="tau") * [11, 7])
@@ -69,21 +69,21 @@ def test_currents_stand_for_torques_where_their_gain_is_known(load, refused):
     assert notes[-1] == "torques were multiplied by their gain, ratio and sign (a: 11, b: 7)"
     both = table().assign(**{"a.current": 1.0, "b.current": 1.0})
     assert_allclose(torques(both, load())[0], table().filter(like="tau"))
-    with refused(r"currents and no torques of b\. .*gain = {b = …}"):
+    with rejected(r"currents and no torques of b\. .*gain = {b = …}"):
         torques(table("current"), load("[torque]\ngain = {a = 11}\n"))
 
 
-def test_coupled_motors_may_mix_torque_and_current_on_positions_of_joints(load, refused):
+def test_coupled_motors_may_mix_torque_and_current_on_positions_of_joints(load, rejected):
     motors = '[transmission]\nmotors = ["m", "n"]\ncoupling = [[1, 0], [0, 1]]\n'
     robot = load(f"{motors}[torque]\ngain = {{n = 7}}\n")
     frame = table().rename(columns={"a.tau": "m.tau", "b.tau": "n.current"})
     assert_allclose(torques(frame, robot)[0], table().filter(like="tau") * [1, 7])
-    with refused(r"has no column n\.tau\. (?!.*lock)"):
+    with rejected(r"has no column n\.tau\. (?!.*lock)"):
         torques(frame.drop(columns="n.current"), robot)
 
 
-def test_torque_of_the_motor_needs_the_ratio_of_its_gear(load, refused):
-    with refused(r"torque of b was measured at the motor.*ratio = {b = …}"):
+def test_torque_of_the_motor_needs_the_ratio_of_its_gear(load, rejected):
+    with rejected(r"torque of b was measured at the motor.*ratio = {b = …}"):
         torques(table(), load('[torque]\nside = "motor"\nratio = {a = 100}\n'))
     tau, _ = torques(table(), load('[torque]\nside = "motor"\nratio = 100\n'))
     assert_allclose(tau, 100 * table().filter(like="tau"))
@@ -98,7 +98,7 @@ def test_neither_rotor_nor_friction_is_seen_by_a_sensor_behind_the_gear(load):
     assert "torque of a was measured behind the gear" in notes[0]
 
 
-def test_columns_of_motor_and_link_are_told_apart(load, refused):
+def test_columns_of_motor_and_link_are_told_apart(load, rejected):
     robot = load('[torque]\nside = {b = "both"}\nratio = 100\n')
     frame = table().rename(columns={"b.tau": "link_torque_b", "b.q": "link_position_b"})
     frame = frame.assign(motor_torque_b=0.25, motor_position_b=100.0)
@@ -109,5 +109,5 @@ def test_columns_of_motor_and_link_are_told_apart(load, refused):
     assert_allclose(drives.q[:, 1], 1.0)
     assert drives.unmeasured[:, 0].all()
     assert not drives.unmeasured[:, 1].any()
-    with refused(r"has no b\.tau_m.*columns="):
+    with rejected(r"has no b\.tau_m.*columns="):
         torques(table(), robot)

@@ -134,17 +134,19 @@ def test_logs_of_one_rate_stay_as_they_are():
         assert_array_equal(log.q[:, 0], table["a.q"])
 
 
-def test_single_empty_cells_are_broken_rows_still_but_of_torque_they_leave_an_equation_out(refused):
+def test_single_empty_cells_are_broken_rows_still_but_of_torque_they_leave_an_equation_out(
+    rejected,
+):
     t = 0.001 * np.arange(1000)
     frame = positions_and_torques(t, t)
     frame.loc[17, "a.tau"] = np.nan
     assert np.argwhere(Log.from_frame(frame, "log").unmeasured).tolist() == [[17, 0]]
     frame.loc[17, "a.q"] = np.nan
-    with refused(r"column 'a.q' is not a finite number in 1 of 1000"):
+    with rejected(r"column 'a.q' is not a finite number in 1 of 1000"):
         Log.from_frame(frame, "log")
     text = positions_and_torques(t, t).astype({"b.tau": object})
     text.loc[:600, "b.tau"] = "none"
-    with refused(r"column 'b.tau' is not a finite number"):
+    with rejected(r"column 'b.tau' is not a finite number"):
         Log.from_frame(text, "log")
 
 

@@ -225,7 +225,7 @@ def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
         ("slide", "cm", 1e2, "convert it to m"),
     ],
 )
-def test_positions_in_another_unit_are_named_by_the_limits(joint, unit, factor, kind, refused):
+def test_positions_in_another_unit_are_named_by_the_limits(joint, unit, factor, kind, rejected):
     robot = SimpleNamespace(
         actuated=[0],
         is_prismatic=lambda k: joint == "slide",
@@ -234,7 +234,7 @@ def test_positions_in_another_unit_are_named_by_the_limits(joint, unit, factor, 
     )
     q = np.linspace(0.25, 0.85, 200)[:, None]
     log = Log("log", (joint,), 0.01 * np.arange(200), q * factor, q, None, None, "")
-    with refused(f"looks like {unit}: {kind}"):
+    with rejected(f"looks like {unit}: {kind}"):
         check_units(robot, [log])
     check_units(robot, [replace(log, q=q)])
 

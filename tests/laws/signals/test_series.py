@@ -61,10 +61,10 @@ def test_a_motion_that_repeats_is_averaged_over_its_periods(periods):
     assert share_left(fourier, exact).max() < 2.5 * np.sqrt(11 / len(t))
 
 
-def test_a_motion_that_never_repeats_has_no_fourier_series(refused):
+def test_a_motion_that_never_repeats_has_no_fourier_series(rejected):
     t, exact = move(5, repeats=False)
     log = measure(t, exact)
-    with refused("does not repeat its motion"):
+    with rejected("does not repeat its motion"):
         smooth_log(log, "fourier")
     assert "spline" in smooth_log(log, "fourier", strict=False).notes[-1]
     short = log.rows(0, 40)

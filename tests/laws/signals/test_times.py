@@ -47,8 +47,8 @@ def test_steps_of_up_to_half_a_second_are_seconds(step):
 
 
 @pytest.mark.parametrize("step", [100.0, 200.0, 1e5])
-def test_what_may_be_either_is_asked(step, refused):
-    with refused(r"may be \w+ \(.* Hz\) or \w+ \(.*time_unit="):
+def test_what_may_be_either_is_asked(step, rejected):
+    with rejected(r"may be \w+ \(.* Hz\) or \w+ \(.*time_unit="):
         read(table(step))
     since = read(table(1e5).assign(t=1_700_000_000 * 10**9 + np.rint(table(1e5)["t"]).astype(int)))
     assert "the times are in ns" in since.notes[0]
@@ -103,7 +103,7 @@ def test_dates_and_durations_are_times(form):
     assert log.start == (None if elapsed else pytest.approx(began, abs=1e-6))
 
 
-def test_what_is_no_time_is_refused_as_before(refused):
+def test_what_is_no_time_is_refused_as_before(rejected):
     frame = table()
     spoilt = (pd.Timestamp("2026-01-01") + pd.to_timedelta(frame["t"], unit="s")).astype(str)
     spoilt[7] = "soon"
@@ -114,7 +114,7 @@ def test_what_is_no_time_is_refused_as_before(refused):
         ("t", spoilt, "column 't' is not a finite number"),
         ("a.q", pd.Timestamp("2026-01-01"), "holds datetime64"),
     ):
-        with refused(says):
+        with rejected(says):
             read(frame.assign(**{column: bad}))
 
 
