@@ -119,7 +119,7 @@ def _read_urdf(path: Path, root: Element, extra: Sidecar) -> Stated:
     coupled = {c.joint for c in couplings}
     carriers = tuple(k for k in range(1, model.njoints) if k not in gone)
     home = np.array(pin.neutral(model))
-    driven = [name for name in tree.single if name not in coupled]
+    driven = [name for name in joints if name in tree.single and name not in coupled]
     return Stated(
         model=model,
         tree=tree,

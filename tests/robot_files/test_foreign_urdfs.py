@@ -68,6 +68,8 @@ def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load
         load("</robot>", hand)
     assert "did you mean 'elbow'?" in str(error.value)
     assert "[[couplings]]" in str(error.value)
+    aside = hand.replace('"arm"', '"ground"').replace('<mimic joint="elbo"/>', LIMIT)
+    assert load("</robot>", aside.replace("wrist", "aside")).joints == ("elbow", "aside")
     robot = load("</robot>", hand, '[[couplings]]\njoint = "wrist"\nof = "elbow"\n')
     assert robot.joints == ("elbow",)
     assert robot.passive == ("wrist",)
