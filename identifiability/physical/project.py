@@ -83,6 +83,8 @@ class Program:
         ``rows @ z + slack ≥ 0`` are the signs and the bounds.
     chains : list of (directions, bodies, rows)
         Of each chain of the robot: the cost and all constraints have no two of them in common.
+    held : Fixed
+        Combinations that keep their values, be they none.
     """
 
     scale: Array
@@ -92,6 +94,7 @@ class Program:
     rows: Array
     slack: Array
     chains: list[tuple[np.ndarray, np.ndarray, np.ndarray]]
+    held: Fixed
 
 
 @frozen
@@ -161,11 +164,6 @@ class Projection:
         own = np.take_along_axis(self.nominal, self.region.bodies[:, None, :], axis=2)
         return np.linalg.pinv(own) @ np.eye(4).ravel()
 
-    @property
-    def held(self) -> Fixed:
-        """Combinations that keep their values, be they none."""
-        return self.fixed or Fixed.none(self.region.size)
-
     def solve(self, data: LeastSquares) -> FeasibleEstimate:
         """Project one data set.
 
@@ -206,7 +204,7 @@ class Projection:
         """
         stiff = program.stiff[:, None] * program.along.T
         factor = np.asarray(np.linalg.qr(stiff, mode="r"))  # it is sparser
-        held = self.held.rows * program.scale
+        held = program.held.rows * program.scale
         if self.prior is not None:
             return self._solve_with_prior(self.prior, program, factor, held)
         # The solver's accuracy is relative to the changes by feasibility, not to the data. Unknowns
@@ -299,7 +297,7 @@ class Projection:
         x = program.free + program.along @ found.z
         # The solver's last digits may lie beyond a sign, which a reader of robot files refuses.
         x[self.region.signed] = np.maximum(x[self.region.signed], 0.0)
-        return self.held.impose(x * program.scale)
+        return program.held.impose(x * program.scale)
 
     def _state(self, data: LeastSquares) -> Program:
         """Return a data set in scaled parameters, with weak rows where the data say nothing.
@@ -318,7 +316,8 @@ class Projection:
             pull[own] = 1.0
         stacked = np.vstack([data.R * scale / data.unit, np.diag(pull)])
         wanted = np.concatenate([data.z / data.unit, pull * self.reference / scale])
-        origin, along = self.held.span(scale)
+        held = self._hold(data)
+        origin, along = held.span(scale)
         seen = stacked @ along
         rows = self.region.scaled_rows
         signs = np.abs(rows @ along)
@@ -337,7 +336,16 @@ class Projection:
             free += along[:, own] @ (U.T @ (Q.T @ aim[squares]) / stiff[own])
             chains.append((own, within, signed))
         least = self.region.least + self.margin * self.region.bounded
-        return Program(scale, free, along, stiff, rows @ along, rows @ free - least, chains)
+        return Program(scale, free, along, stiff, rows @ along, rows @ free - least, chains, held)
+
+    def _hold(self, data: LeastSquares) -> Fixed:
+        """Return the combinations that keep their values, and what no data tell, as of rest."""
+        held = self.fixed or Fixed.none(self.region.size)
+        unseen = ~(self.region.inertial | data.R.any(axis=0) | held.rows.any(axis=0))
+        least = np.where(self.region.nonnegative, 0.0, -np.inf)
+        where = np.maximum(self.reference, least)
+        rows = np.vstack([held.rows, np.eye(len(unseen))[unseen]])
+        return Fixed(rows, np.append(held.value, where[unseen]))
 
     def _read(self, data: LeastSquares, program: Program, found: Optimum) -> FeasibleEstimate:
         region = self.region

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cvxpy as cp
 import numpy as np
 import pytest
@@ -54,6 +56,15 @@ def test_the_optimum_with_a_cad_prior_is_that_of_another_solver(pair, rng):
     away = np.trace(ratio, axis1=1, axis2=2) - np.linalg.slogdet(ratio)[1] - 4
     expected = scs_optimum(data, pair.region, prior)
     assert ours.excess + 3.0 * away.sum() == pytest.approx(expected, abs=2e-4)
+
+
+@pytest.mark.parametrize("weight", [0.0, 3.0])
+def test_what_no_data_tell_keeps_the_value_of_the_file(pair, rng, weight):
+    data = replace(pair, W=pair.W * (np.arange(len(pair.phi)) < 24)).data(rng, 0.3)
+    file = pair.phi * 1.2
+    prior = CadPrior(file, weight) if weight else None
+    found = project(data, pair.region, prior=prior, reference=file)
+    assert_allclose(found.phi[-2:], file[-2:], rtol=1e-12)
 
 
 def test_units_do_not_change_the_answer(pair, rng):
