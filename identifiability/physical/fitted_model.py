@@ -329,7 +329,9 @@ class LeastSquares:
         """
         C = np.where(np.isfinite(covariance), covariance, 0.0)
         scale = or_one(root_diagonal(C))
-        hidden = scipy.linalg.orth(unknown / scale[:, None])
+        away = unknown / scale[:, None]
+        # Directions have any length, and a basis leaves out those far shorter than others.
+        hidden = scipy.linalg.orth(away / or_one(np.linalg.norm(away, axis=0)))
         shown = scipy.linalg.null_space(hidden.T) if hidden.size else np.eye(len(C))
         scales = np.outer(scale, scale)
         variance, axes = np.linalg.eigh(shown.T @ (C / scales) @ shown)

@@ -67,6 +67,12 @@ def test_what_no_data_tell_keeps_the_value_of_the_file(pair, rng, weight):
     assert_allclose(found.phi[-2:], file[-2:], rtol=1e-12)
 
 
+def test_a_normal_says_nothing_along_directions_of_any_length_that_it_leaves_open():
+    unknown = np.eye(3)[:, 1:] * (1e18, 1.0)
+    told = LeastSquares.of_normal(np.zeros(3), np.diag([1.0, 0.0, 0.0]), unknown)
+    assert_allclose(np.abs(told.R), [[1.0, 0.0, 0.0]])
+
+
 def test_units_do_not_change_the_answer(pair, rng):
     data = pair.data(rng, 0.3)
     a = project(data, pair.region)
