@@ -45,7 +45,7 @@ ALWAYS = ("reading", "commands", "assembly", "outside", "stale_commands")
 EARLY = "Commands seem to act before their rows"
 #: Remarks that something is wrong, without a cause.
 HEDGED = re.compile(
-    "Values differ between |The cut-off of |Below the cut-off of |.* from t = .* farther"
+    "± covers that values |The cut-off of |Below the cut-off of |.* times farther from the model"
 )
 
 

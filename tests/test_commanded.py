@@ -34,6 +34,7 @@ from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
+from identifiability.report.answers.predict import moves_worse, state_harm
 from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.servos import (
     FirstAnswer,
@@ -512,6 +513,9 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     # A gripper that closes on objects.
     file, run = result.moved.runs
     run = replace(run, errors=result.moved.from_commands * [0.01, 0.2])
+    harmful = replace(result.moved, runs=(file, run, result.moved.runs[1]))
+    assert moves_worse(harmful)
+    assert "With the named effects positions err by" in state_harm(harmful)
     blocked = replace(result.moved, runs=(file, run)).lead(told).short
     assert re.search(r"mrad \(elbow: .*If elbow touches .*'elbow.cmd': 'left_out'", blocked)
     assert found.answers()[1].tone == "green"  # no log was fitted
@@ -763,7 +767,7 @@ def test_a_first_answer_stays_if_the_user_stops_the_whole_one(
     assert_allclose(answers[0].loc[[*arm.joints], "kp"], arm.servo.kp, rtol=0.05)
     page = (tmp_path / "page.html").read_text()
     assert "from 3 s of the 8 s of logs" in page
-    assert "writes the whole answer to this page" in page
+    assert "The whole answer replaces this page" in page
 
 
 @pytest.mark.parametrize("kind, effect", [("Fc", "static friction"), ("off", "an offset of")])

@@ -40,7 +40,7 @@ def mixed(logs):
 
 
 def test_the_odd_log_is_named_with_parameter_and_joint(mixed):
-    said = "Values differ between first, second and third, which ± covers: elbow.Fc"
+    said = "± covers that values differ between first, second and third: elbow.Fc"
     (hint,) = (h for h in mixed.hints if h.startswith(said))
     assert hint in mixed.details
     assert "`compare` finds the change and its log" in hint

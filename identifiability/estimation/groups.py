@@ -530,9 +530,10 @@ def shorten_places(effect: str) -> str:
 
 
 def _name_term(term: Term) -> str:
-    """Return a group and its likeliest rivals in words."""
-    names = map(describe_term, (term, *term.rivals[:3]))
-    return " or ".join(map(shorten_places, names))
+    """Return a group in words, with its rival or the number of its rivals."""
+    names = [shorten_places(describe_term(one)) for one in (term, *term.rivals)]
+    names[1:] = names[1:] if len(names) < 3 else [f"one of {len(names) - 1} others"]
+    return " or ".join(names)
 
 
 @frozen

@@ -404,9 +404,8 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
     new = other_log | behind
     place = np.cumsum([False, *new])
     own = place == place[at]
-    first = found.first[own][0]
-    last = found.last[own][-1] - 1
-    ends = log.output_times(np.array([first, last]))
+    first, last = found.first[own], found.last[own]
+    ends = log.output_times(np.array([first[0], last[-1] - 1]))
     far = float(np.sqrt(found.beyond[at, worst]))
     size = [np.abs(s.tau[s.at_outputs, worst]) for s in samples]
     parts = zip(found.log, found.first, found.last, strict=True)
@@ -416,6 +415,7 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
         "outliers",
         "limit" if most else "where",
         log=log.name,
+        rows=int((last - first).sum()),
         start=ends[0],
         stop=ends[1],
         joint=joints[worst],

@@ -516,6 +516,7 @@ def draw_curve(
             linewidth=1.2,
             label="fitted",
         )
+    axes.locator_params("x", steps=[1, 2, 5, 10])  # numbers such as −0.75 touch
     # Three entries are as wide as the picture.
     legend_above(axes, ncols=3, columnspacing=0.7, handletextpad=0.3, handlelength=1.0)
     label_axes(axes, *labels, title)

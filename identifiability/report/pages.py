@@ -200,7 +200,10 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
         lines = torque_lines(torque, torque - before)
     t = gap.t[0]
     about = d.robot, sample.motion, t, torque, lines, sample.name, before
-    return move_with_torque(*about, "explained" if d.included else "")
+    if not d.included:
+        return move_with_torque(*about)
+    joint = d.robot.joints[d.curves[0].joint] if d.curves else ""
+    return move_with_torque(*about, "explained", joint=joint)
 
 
 def diagnosis_below(d: Diagnosis) -> Picture | None:

@@ -73,7 +73,7 @@ def test_torque_that_all_logs_have_is_no_part_of_a_change():
     every = (logs(PLANAR, 30, extra=slips, shoulder=x)[1] for x in (1.2, 1.0))
     found, same = (compare(PLANAR, logs(PLANAR, 0, extra=slips)[0], x) for x in every)
     assert found.lacks == ("an unnamed function of velocity in elbow",)
-    assert "lacks nonlinear friction (such as Stribeck friction) in elbow." in found.statement
+    assert "lacks nonlinear friction in elbow." in found.statement
     assert "would show (95 %)." in found.details
     assert "diagnose(" in same.next()[0][1]
     rubs = joint_torque(own.robot, own.move, own.rigid, own.robot.nominal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from statistics import NormalDist
@@ -383,12 +383,6 @@ def state_interval(out: Prediction) -> str:
     return sentence("quality", "interval", low=low, high=high)
 
 
-def count_kinds(names: Iterable[str]) -> Counter[str]:
-    """Return the number of parameters of each kind, in words."""
-    kinds: dict[str, str] = WORDS["pruning.kinds"]
-    return Counter(kinds.get(name.rpartition(".")[2], kinds["other"]) for name in names)
-
-
 def _name_kind(robot: Robot, v: Verdict) -> str:
     """Return the kind of a value in words; nothing for a combination."""
     kinds: dict[str, str] = WORDS["analysis.known"]
@@ -400,7 +394,7 @@ def _name_kind(robot: Robot, v: Verdict) -> str:
 
 
 def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
-    """Return which frictions, rotors, … and how many combinations the logs determine.
+    """Return which frictions, rotors, … the logs determine.
 
     The first text is the headline: kinds known of all joints, or of all but few; else empty.
     """
@@ -412,7 +406,7 @@ def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
     for v in chosen.verdicts:
         groups.setdefault(_name_kind(robot, v), []).append(v)
     told, every, most = dict[str, str](), [], ""
-    for what in dict.fromkeys((*kinds.values(), "")):
+    for what in dict.fromkeys(kinds.values()):
         group = groups.get(what, [])
         lost = [v.place for v in group if v.verdict is not Class.IDENTIFIABLE]
         names = list(dict.fromkeys(lost))
@@ -421,8 +415,6 @@ def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
         part = ("but" if names else "every") if {*joints} <= {v.place for v in group} else "values"
         if names and (part == "values" or len(names) > min(NAMED, len(joints) // 2)):
             part = "share"
-        if not what:
-            part = "several"
         if part == "every":
             every.append(what)
         elif count:
@@ -491,8 +483,10 @@ def _state_cause(result: Laddered[Any]) -> str:
     if not largest:
         return ""
     cause, part = largest.most_common(1)[0]
-    share = sentence("analysis.causes", "part", part=part, count=len(chosen.submodel))
     limit = sentence("decision.left", "open") if _state_open(result) else ""
+    if cause == "alternatives" and result.missing.functions:  # the answer on trust names them
+        return limit
+    share = sentence("analysis.causes", "part", part=part, count=len(chosen.submodel))
     return join_sentences(limit, sentence("analysis.causes", cause, share=share))
 
 
@@ -568,7 +562,7 @@ def _state_in_doubt(result: Laddered[Any]) -> str:
     """Return which values are in doubt, and the effect behind most of them."""
     chosen = result.chosen
     alternatives = chosen.fit.alternatives
-    doubted = [k for k, v in enumerate(chosen.verdicts) if Flag.IN_DOUBT in v.flags]
+    doubted = list_doubted(chosen)
     if alternatives is None or not doubted:
         return ""
     effects = Counter(filter(None, (alternatives.names[k] for k in doubted)))
@@ -666,9 +660,12 @@ def _separate_offsets(result: Laddered[Any], names: Sequence[str]) -> str:
     return " ".join(["", model, *asked])
 
 
-def _has_doubted(chosen: ModelResult) -> bool:
-    """Return whether an effect that may be missing puts a value in doubt."""
-    return any(Flag.IN_DOUBT in v.flags for v in chosen.verdicts)
+def list_doubted(chosen: ModelResult) -> list[int]:
+    """Return the values in doubt, but for those that only a rare effect would change."""
+    missing = chosen.fit.alternatives
+    rare = missing.rare.tolist() if missing else [False] * len(chosen.verdicts)
+    each = enumerate(zip(chosen.verdicts, rare, strict=True))
+    return [k for k, (v, seldom) in each if Flag.IN_DOUBT in v.flags and not seldom]
 
 
 def _has_unknown(chosen: ModelResult) -> bool:
@@ -695,7 +692,7 @@ def _order_commands(
     good = TONES[grade_of(result.chosen.error_ra_validation)] == "green"
     first = result.missing.functions or result.chosen.contradicted or not good
     # Where values depend on offsets, another motion comes first.
-    first = first or (_has_doubted(result.chosen) and not of_key(result.hints, "excluded_offsets"))
+    first = first or (list_doubted(result.chosen) and not of_key(result.hints, "excluded_offsets"))
     # A ladder may come from a diagnosis, which proposes to compare.
     if not ladder:
         lines = [missing, *lines] if first else [*lines, missing]

@@ -496,7 +496,7 @@ def answer_trust(
     warnings: Sequence[str],
     in_doubt: str,
 ) -> Answer:
-    """Return whether the result may be trusted, with the titles of its caveats.
+    """Return whether the result may be trusted, and why not.
 
     Parameters
     ----------
@@ -516,13 +516,12 @@ def answer_trust(
     grave = [n for n in notes if n.level == "warning"]
     checks = [n.text for n in grave if n.title == usual]
     others = [n for n in grave if n.title != usual]
-    titles = list(dict.fromkeys(after_colon(n.title) for n in others))
     doubted = sentence("trust", "in_doubt", what=in_doubt) if in_doubt else ""
     if missing:
         # The only check stands here alone, so that no note repeats it.
-        told = [doubted, *checks * (len(checks) == 1)]
-        also = sentence("trust", "read", told="; ".join(titles)) if titles else ""
-        return answer("trust", "if_nothing", list_points(*told, also), missing=missing)
+        told = list_points(doubted, *checks * (len(checks) == 1))
+        return answer("trust", "if_nothing", told, missing=missing)
+    titles = list(dict.fromkeys(after_colon(n.title) for n in others))
     if warnings:
         titles.insert(0, sentence("trust", "warnings", warnings=warnings))
     # What leads is told in full; a note below the answers has all of the other checks.

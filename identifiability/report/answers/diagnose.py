@@ -20,7 +20,6 @@ from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array, NumberByName, Strings
-from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
@@ -59,12 +58,11 @@ from .common import (
     torque_noise,
 )
 from .compare import table_changes
-from .predict import moves_worse
+from .predict import moves_worse, state_harm
 from .tables import add_units, make_table, unit_cell
 
 if TYPE_CHECKING:
     from identifiability.bending import Bending
-    from identifiability.workflows.diagnose.forward import ForwardGap
     from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds, Placement
 
 #: Names that a sentence says of one effect; JSON has them all.
@@ -90,6 +88,8 @@ class DiagnosisPresenter(PredictingPresenter):
         """Return the missing effects, their share of the error, and the residual."""
         result = self.result
         missing = after_mass(_answer_missing(result), result.mass_warning)
+        if moves_worse(result.moved):
+            return missing, _answer_gap(result)
         question = sentence("diagnosis.residual", "question")
         error = self.answer_error("", result.unexplained, question=question)
         # The answer above states the error: this one is headed by the uses, if no joint stands out.
@@ -102,7 +102,7 @@ class DiagnosisPresenter(PredictingPresenter):
             tone = error.tone if tone == "green" else tone
             short = self.state_uses()
             error = replace(error, question=question, short=short, tone=tone, text=left, more=more)
-        error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
+        error = error if result.moved is None else result.moved.lead(error)
         answers = missing, _answer_gap(result), error
         bending = result.bending
         if bending is None:
@@ -132,7 +132,7 @@ class DiagnosisPresenter(PredictingPresenter):
         with_model = partial(on_file, d, "model", "model.toml", f"{again} --out")
         out = []
         judge = f"analyze {self.robot} {logs}"
-        if d.moved is not None and moves_worse(d.moved):
+        if moves_worse(d.moved):
             return [command("keep", f"{judge} --json fitted.json --report report.html")]
         if d.included:
             line = with_model(partial("{} --ladder {} --report report.html".format, judge))
@@ -188,7 +188,7 @@ class DiagnosisPresenter(PredictingPresenter):
     def cautions(self) -> tuple[Note, ...]:
         """Return the caveats of the named effects, and the refuted effects."""
         result = self.result
-        notes = [*_list_motion(result), *_list_doubts(result)]
+        notes = [*_list_doubts(result)]
         notes += [_write_note("refuted", _state_refuted(x, result)) for x in result.refuted]
         notes += [_write_note("remark", hint) for hint in result.remarks]
         return tuple(notes)
@@ -335,25 +335,25 @@ def _list_bending(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
 def _answer_missing(d: Diagnosis) -> Answer:
     """Return the missing effects and the changes in the middle of a log."""
     about = "diagnosis.missing"
-    named = [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
-    named += map(partial(_state_effect, d), d.effects)
-    short = f"{capital(join(named, NAMED))}." if named else sentence(about, "nothing")
-    of_effects = [e.odds for e in d.effects]
-    of_changes = [c.odds for c in d.changes]
-    odds = max(of_effects + of_changes, default=0.0)
+    named = [*map(partial(_state_effect, d), d.effects)]
+    named += [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
+    short = capital(sentence(about, "named" if named else "nothing", names=named))
+    odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
     unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
-    weak = unsure or not (d.included or d.problem.left_out)
-    text = join_sentences(
-        *map(partial(_state_law, d), d.effects[: len(named) == 1]), _state_search(d)
-    )
+    worse = moves_worse(d.moved)
+    weak = worse or unsure or not (d.included or d.problem.left_out)
+    # A level over Coulomb friction is easily read as the whole static friction.
+    first = [find_family(e.name).needs for e in d.effects[: len(named) == 1]]
+    over = sentence(about, "over") if "coulomb_friction" in first else ""
+    text = join_sentences(over, _state_search(d))
     if named and weak:
         text = join_sentences(sentence(about, "likeliest", names=short), text)
-        short = sentence(about, "weak")
+        short = state_harm(d.moved) if d.moved and worse else sentence(about, "weak")
     springs = [] if d.nothing or d.fixed else [*find_wrong_bodies(d.fit).springs]
     if springs:
         short = join_sentences(short, sentence(about, "spring", joints=springs))
-    tone = "grey" if weak else "vermilion"
-    return Answer(sentence(about, "question"), short, text, tone)
+    question = sentence(about, "question")
+    return Answer(question, short, text, "grey" if weak else "vermilion")
 
 
 def _state_search(d: Diagnosis) -> str:
@@ -375,18 +375,6 @@ def _state_untried(d: Diagnosis) -> str:
         return sentence(about, "because", why=d.nothing)
     why = list(dict.fromkeys(f"{r.family} ({r.reason})" for r in d.refusals))
     return sentence(about, "refused", why=why)
-
-
-def _state_law(d: Diagnosis, e: NamedEffect) -> str:
-    """Return the equation of an effect with the shape of its curve; nothing without one shape."""
-    shapes = [*filter(None, (_state_shape(d, e.name, p) for p in e.placements))]
-    family = find_family(e.name)
-    # A level over Coulomb friction is easily read as the whole static friction.
-    over = f", on top of {title_of(family.needs)}" if family.needs == "coulomb_friction" else ""
-    holes = {"equation": family.effect.equation, "over": over}
-    return "".join(
-        sentence("diagnosis.missing", "law", shape=shape, **holes) for shape in shapes[:1]
-    )
 
 
 def _state_effect(d: Diagnosis, e: NamedEffect) -> str:
@@ -490,14 +478,14 @@ def _answer_gap(d: Diagnosis) -> Answer:
     holes: dict[str, Any] = {"verified": d.verified_on, "ends": " … ".join(ends)}
     interval = sentence(about, "interval", **holes) if any(d.interval) else ""
     text = _state_joint(d) if interval else sentence(about, "unseen", **holes)
-    reduction = d.used.reduction
+    reduction, more = d.used.reduction, ""
     every = len(d.completed.base)
     if len(reduction) < every:
-        text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
-    tone = "green" if d.interval[1] < 0 else "amber"
+        more = sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
+    tone = "amber" if d.interval[1] >= 0 or moves_worse(d.moved) else "green"
     errors: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     told = answer(about, "falls", text, tone, count=d.effects, interval=interval, **errors)
-    return replace(told, more=_state_motion(d))
+    return replace(told, more=more)
 
 
 def _state_joint(d: Diagnosis) -> str:
@@ -509,16 +497,6 @@ def _state_joint(d: Diagnosis) -> str:
         return ""
     joint, before, after = own[["joint", "before", "after"]].iloc[0]
     return sentence("diagnosis.explained", "joint", joint=joint, before=before, after=after)
-
-
-def _state_motion(d: Diagnosis) -> str:
-    """Return the errors of simulated positions, if the named effects make them surely smaller."""
-    gap = d.forward
-    if gap is None or not gap.measured or not gap.interval[1] < 0:
-        return ""
-    seconds = f"{gap.horizon:.2g}"
-    errors = {"before": gap.error_before, "after": gap.error_after}
-    return sentence("diagnosis.forward", "better", seconds=seconds, **errors)
 
 
 def _state_looks(d: Diagnosis) -> str:
@@ -536,12 +514,6 @@ def _state_looks(d: Diagnosis) -> str:
 def _write_note(name: str, text: str, level: Any = "note") -> Note:
     """Return a caveat under its title."""
     return Note(level, sentence("diagnosis.notes", name), text)
-
-
-def _list_motion(d: Diagnosis) -> Iterator[Note]:
-    """Yield the errors of simulated motion, if no answer states that they are smaller."""
-    if d.forward is not None and d.forward.measured and not (d.included and _state_motion(d)):
-        yield _write_note("motion", d.forward.statement)
 
 
 def _list_doubts(d: Diagnosis) -> Iterator[Note]:
@@ -676,19 +648,3 @@ def _state_shape(d: Diagnosis, family: str, p: Placement) -> str:
     symbol = getattr(find_family(family).effect, "symbol", "") or "shape"
     exponent = f", δ = {p.exponent:.2g}" if np.isfinite(p.exponent) else ""
     return f"{symbol} = {measured(p.shape, p.shape_error, unit)}{exponent}"
-
-
-class ForwardGapPresenter(Presenter):
-    """Words on simulated motion before and after the named effects."""
-
-    result: ForwardGap
-
-    def statement(self) -> str:
-        """Return the errors of positions, in words; nothing where none was simulated."""
-        gap = self.result
-        if not gap.measured:
-            return ""
-        low, high = (f"{100 * x:+.1f}".replace("-", "−") for x in gap.interval)
-        errors = {"before": gap.error_before, "after": gap.error_after}
-        seconds = f"{gap.horizon:.2g}"
-        return sentence("diagnosis.forward", seconds=seconds, low=low, high=high, **errors)

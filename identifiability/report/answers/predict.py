@@ -271,20 +271,12 @@ class PositionPredictionPresenter(AnsweringPresenter):
         lag = _state_size(result, result.from_commands)
         alone, advice = _state_alone(result)
         torque = usual.short.replace("Error", "Torque error", 1)
-        holes = {"error": error, "lag": lag, "alone": alone, "torque": torque}
+        holes = {"error": error, "lag": lag, "alone": alone}
         logs = [log.name for log in result.logs]
         short = sentence("rollout.errors", "moves", logs=logs, **holes)
         tone = "amber" if usual.tone == "vermilion" else usual.tone  # only its torque is poor
-        more = join_sentences(usual.text, usual.more)
+        more = join_sentences(torque, usual.text, usual.more)
         return replace(usual, short=join_sentences(short, advice), text="", more=more, tone=tone)
-
-    def warn(self, usual: Answer) -> Answer:
-        """Return an answer behind the warning that the named effects make motion worse."""
-        result = self.result
-        if not moves_worse(result):
-            return usual
-        short = phrase("predicted", "worse", told=result.told)
-        return replace(usual, short=short, text=f"{usual.short} {usual.text}", tone="amber")
 
 
 def _state_alone(result: PositionPrediction) -> tuple[str, str]:
@@ -306,9 +298,15 @@ def _state_alone(result: PositionPrediction) -> tuple[str, str]:
     return alone, advice
 
 
-def moves_worse(result: PositionPrediction) -> bool:
-    """Return whether the named effects make the motion of commands worse."""
-    return bool(result.totals[-1] < result.totals[1])
+def moves_worse(result: PositionPrediction | None) -> bool:
+    """Return whether the named effects make the motion of commands worse, if it was simulated."""
+    return result is not None and bool(result.totals[-1] < result.totals[1])
+
+
+def state_harm(result: PositionPrediction) -> str:
+    """Return the errors of motion with and without the named effects."""
+    error, without = (_state_size(result, result.runs[at].errors) for at in (1, -1))
+    return sentence("diagnosis.missing", "worse", error=error, without=without)
 
 
 def name_runs(result: PositionPrediction, article: str = "") -> list[str]:

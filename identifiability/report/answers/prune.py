@@ -9,16 +9,9 @@ from typing import TYPE_CHECKING, Any
 from identifiability.estimation.evidence import LEVELS, may_stand
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
-from identifiability.foundation.rounding import format_count, format_number, percent_text
+from identifiability.foundation.rounding import format_number, percent_text
 
-from .analyze import (
-    LadderedPresenter,
-    count_kinds,
-    error_tables,
-    is_nearly_real,
-    model_row,
-    state_nearest,
-)
+from .analyze import LadderedPresenter, error_tables, is_nearly_real, model_row, state_nearest
 from .common import answer, capital, join_sentences, note, sentence
 from .tables import make_table
 
@@ -54,15 +47,10 @@ class LadderPresenter(LadderedPresenter):
         used = len(chosen)
         part = "some" if used < size else "all"
         why, rule = _state_choice(result) if used < size else ("", "")
-        counts = [m.count(Class.IDENTIFIABLE) for m in (chosen, result.full)]
-        known = sentence(
-            about, part + "_found", found=counts[0], used=used, all=counts[1], size=size
-        )
+        known = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE))
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
         near = "" if is_nearly_real(chosen) else state_nearest(chosen)
-        more = sentence(about, "kept") if used < size else ""
-        kept = join_sentences(known, _state_dropped(result), more)
-        text = join_sentences(kept, signs, near)
+        text = join_sentences(known, signs, near)
         # What the model lacks is the answer on trust.
         tone = "blue" if is_nearly_real(chosen) else "amber"
         found = answer(about, part, text, tone, size=size, used=used)
@@ -90,14 +78,6 @@ def _state_choice(result: Ladder) -> tuple[str, str]:
         part = "near" if lower <= LEVELS.nats else "rise"
     rule = sentence("pruning.choice", part, lower=lower, nats=LEVELS.nats, rise=LEVELS.rise)
     return sentence("pruning.choice", "smallest", best=len(best)), rule
-
-
-def _state_dropped(result: Ladder) -> str:
-    """Return how many parameters of each kind the model to use has no more."""
-    kept = {*result.chosen.submodel.columns}
-    lost = [name for name in result.full.submodel.columns if name not in kept]
-    each = [format_count(number, kind) for kind, number in count_kinds(lost).most_common()]
-    return sentence("pruning.use", "dropped", each=each) if each else ""
 
 
 def sizes_as_good(result: Ladder) -> tuple[int, ...]:

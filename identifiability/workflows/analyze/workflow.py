@@ -119,7 +119,7 @@ def list_measured(result: ModelResult) -> dict[str, tuple[float, float]]:
 def say_excluded_offsets(result: ModelResult) -> Finding | str:
     """Return parameters, with joints, that only a model without torque offsets identifies."""
     names = [
-        f"{'one' if k else 'an offset'} of {join(joints)}{'' if k else ' looks'} like "
+        f"{'one' if k else 'an offset'} of {join(joints)} from "
         f"{'the combination with ' * bool(v.others)}{v.name}"
         for k, (v, joints) in enumerate(result.without_offsets)
     ]

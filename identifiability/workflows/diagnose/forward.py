@@ -16,7 +16,6 @@ from identifiability.effects import find_family
 from identifiability.estimation.prediction import DRAWN_STRETCHES, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, NumberByName, Parameter
-from identifiability.foundation.presenter import presented
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -82,12 +81,6 @@ class ForwardGap:
         if self.measured:
             return float(self.after[:, -1].mean())
         return np.nan
-
-    @property
-    @presented
-    def statement(self) -> str:
-        """The gap in words."""
-        raise NotImplementedError
 
 
 @frozen

@@ -15,6 +15,7 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
+from identifiability.report.answers.analyze import list_doubted
 from identifiability.workflows.analyze.judge import assess_ladder, decide_model, select_model
 from identifiability.workflows.analyze.ladder import LadderFit
 
@@ -219,12 +220,13 @@ def test_a_prior_holds_a_value_that_rows_hardly_determine_against_missing_effect
 
 def test_a_doubt_by_a_rare_effect_states_its_probability_and_the_other_value(ladder):
     rare, frequent = (0.004, -20.0), (0.1, -30.0)
-    for shares, says in (
-        ([rare], "friction in j (probability below 1 %), this would be 21"),
-        ([rare, frequent], "may lack"),
+    for shares, says, doubted in (
+        ([rare], "friction in j (probability below 1 %), this would be 21", []),
+        ([rare, frequent], "may lack", [0]),
     ):
-        _, (found,), _ = judge_beside(ladder, *shares)
-        assert says in found.reason
+        fit, verdicts, _ = judge_beside(ladder, *shares)
+        assert says in verdicts[0].reason
+        assert list_doubted(SimpleNamespace(fit=fit, verdicts=verdicts)) == doubted
 
 
 def test_verdicts_say_what_a_column_cannot_be_told_from(ladder):
