@@ -234,16 +234,19 @@ def test_limits_tell_the_factor_of_gains_that_are_all_too_high(arm):
 
 
 ODD = (("play", 0.03), ("gain", 4.0), ("limit", 30.0), ("integral", 2.0), ("", 0.0))
+#: Kinds, sizes, and numbers of slow logs beside the one that shows them.
+RARE = [(*odd, 0) for odd in ODD] + [("limit", 30.0, 6)]
 
 
-@pytest.mark.parametrize("kind, size", ODD)
-def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(arm, kind, size):
+@pytest.mark.parametrize("kind, size, slow", RARE)
+def test_odd_joints_and_gains_that_are_stated_wrongly_are_said(arm, kind, size, slow):
     rng, how = default_rng(6), servos.Recorder()
     fault = servos.Fault(1, kind, size)
     own = arm.servo.having({"limit": np.array([0.0, size * (kind == "limit")])})
     own = replace(own, ki=size * own.kp * (kind == "integral"))
-    log = read(arm, draw(arm, 6.0, 0.35, how, rng, TRUTH, own, fault))
-    found, shares = fit_rollouts(arm, [log], file_shares(arm)), []
+    sizes = 0.35, *[0.05] * slow
+    logs = [read(arm, draw(arm, 6.0, x, how, rng, TRUTH, own, fault)) for x in sizes]
+    found, shares = fit_rollouts(arm, logs, file_shares(arm)), []
     odd, better, either = find_odd_joints(arm, found, shares.append)
     assert shares == [0.0]
     assert len(odd) == bool(kind)

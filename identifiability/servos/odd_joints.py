@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from itertools import compress
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -26,7 +28,7 @@ from .calibration import Recording
 from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend
 from .problem import PLAY, RolloutProblem
 from .rollouts import KINDS, Rollouts
-from .torque import servo_log
+from .windows import split_windows
 
 #: Share of the squared errors that a number must explain to first order to be fitted. The fit must
 #: explain half of those beyond recording. Of drawn robots, right numbers explained 9 % or more to
@@ -92,7 +94,7 @@ def find_odd_joints(
     problem, end = found.search
     # Where errors are those of recording, no more than a wrong gain can show.
     erring = np.unique(problem.trees[_exceed(problem, found.errors)])
-    screening = _screen(problem, end, found, gains_alone=not len(erring))
+    screening = _screen(problem, end, gains_alone=not len(erring))
     explained = _list_freed(problem, end)
     for tree in np.unique(problem.trees):
         say(float(np.mean(problem.trees < tree)))
@@ -101,6 +103,9 @@ def find_odd_joints(
             explained.append(best)
             if _kind(problem, best[0].numbers) != "play":
                 end = best[0].end
+    for rare in _find_rare_limits(problem, end):
+        explained.append([rare])
+        end = rare.end
     is_same = end is found.search[1] and not problem.freed
     better = found if is_same else conclude(problem, end)
     used = [best[0].numbers for best in explained]
@@ -137,7 +142,7 @@ def _kind(problem: RolloutProblem, numbers: np.ndarray) -> str:
 
 
 def _list_trials(
-    problem: RolloutProblem, found: Rollouts, gains_alone: bool
+    problem: RolloutProblem, x: Array, gains_alone: bool
 ) -> Iterator[tuple[str, float | Array]]:
     """Yield kinds of numbers that are tried, with a first size, of all joints or of each (n,)."""
     yield "kp", -0.2  # the logarithm of its factor
@@ -146,17 +151,13 @@ def _list_trials(
     yield "play", PLAY
     if all(map(are_positions_alone, problem.logs)):
         yield "ki", problem.scale[problem.at("ki")]
-    servo = problem.machine.servo.having(found.numbers)
-    pairs = zip(problem.logs, found.delays[problem.source].tolist(), strict=True)
-    torque = np.concatenate([servo_log(log, servo, delay).tau for log, delay in pairs])
-    for limit in np.quantile(np.abs(torque), 1 - EXCEEDED, axis=0):
+    for limit in np.quantile(np.abs(problem.torque(x)), 1 - EXCEEDED, axis=0):
         yield "limit", limit
 
 
 def _screen(
     problem: RolloutProblem,
     end: SearchEnd,
-    found: Rollouts,
     gains_alone: bool,
 ) -> Screening:
     """Return how much each number that is not varied would explain, to first order."""
@@ -168,7 +169,7 @@ def _screen(
     start = x.copy()
     # A joint that moves as it was measured has no errors, whatever its servo.
     is_measured = ~np.all([log.is_unmeasured for log in problem.logs], axis=0)
-    for kind, size in _list_trials(problem, found, gains_alone):
+    for kind, size in _list_trials(problem, x, gains_alone):
         by = problem.by.copy()
         by[problem.at(kind)] = size
         at = np.setdiff1d(problem.at(kind)[is_measured], np.flatnonzero(problem.varied))
@@ -361,6 +362,50 @@ def _explain_little(
         return
     problem.varied[numbers] = True
     yield [Explanation(after / before, numbers, fitted)]
+
+
+def _find_rare_limits(problem: RolloutProblem, end: SearchEnd) -> Iterator[Explanation]:
+    """Yield limits of torque that few windows reach, and vary them from then on.
+
+    These windows err three times as much as others, so they have little weight in all other
+    searches. Each limit is fitted to them alone. It must not contradict the other windows.
+    """
+    short = copy(problem)
+    short.windows = split_windows(problem.windows)
+    for joint in np.argsort(-problem.errors(end.q)):
+        begun = end._replace(q=short.roll([end.x])[0])
+        errors = short.window_errors(begun.q)
+        usual = np.maximum(short.median(errors), short.recorded)
+        # Without a fault, windows err as others do within a fifth.
+        odd = (short.moves & (errors > 3.0 * usual))[:, joint]
+        found = _fit_limit(short, begun, joint, odd) if odd.any() else None
+        # It must explain half, as other numbers must.
+        if found is None or found.share > 0.5:
+            continue
+        x = found.end.x
+        own = problem.trees == problem.trees[joint]
+        limited = end._replace(q=short.roll([x])[0])
+        before, after = (_sum_squares(short, begun, y)[own].sum() for y in (begun, limited))
+        if after < before:
+            problem.varied[found.numbers] = True
+            end = descend(problem, x)
+            yield found._replace(end=end)
+
+
+def _fit_limit(problem: RolloutProblem, end: SearchEnd, joint: int, odd: np.ndarray) -> Explanation:
+    """Return the limit of a joint that explains most of some windows, (windows,) bool."""
+    numbers = problem.at("limit")[[joint]]
+    few, others = copy(problem), copy(problem)
+    few.windows, others.windows = (list(compress(problem.windows, x)) for x in (odd, ~odd))
+    few.varied = np.zeros(len(end.x), bool)
+    usual, asked = (np.abs(x.torque(end.x)[:, joint]) for x in (others, few))
+    starts = np.tile(end.x, (24, 1))
+    # The torque that a joint at its limit seems to need can be far above it.
+    starts[:, numbers[0]] = np.geomspace(np.median(usual), asked.max(), len(starts))
+    errors = [few.errors(q)[joint] for q in few.roll([*starts])]
+    begun = end._replace(q=list(compress(end.q, odd)))
+    start = starts[np.argmin(errors), numbers]
+    return _fit_from(few, begun, numbers, start, np.array([joint]))
 
 
 def state_held_out_limits(

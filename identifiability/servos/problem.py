@@ -256,6 +256,13 @@ class RolloutProblem:
         sized = remember(self.sized, key, lambda: machine.resized(sizes), 2)
         return sized, numbers, delays
 
+    def torque(self, x: Array) -> Array:
+        """Return the torque of the servos in all windows, (N, n)."""
+        numbers, delays = self.unpack(x)
+        servo = self.machine.servo.having(numbers)
+        pairs = zip(self.logs, delays[self.source].tolist(), strict=True)
+        return np.concatenate([servo_log(log, servo, late).tau for log, late in pairs])
+
     def rows(self) -> np.ndarray:
         """Return where the judged rows of each window begin and end, (windows + 1,) int."""
         counts = [len(log) - forgotten(log) for log in self.logs]
@@ -292,9 +299,9 @@ class RolloutProblem:
     def missed(self, q: list[Array]) -> Array:
         """Return errors as shares of the explicable motion, (n,): medians over windows."""
         sizes = np.array([window.explicable for window in self.windows])
-        return self._median(self.window_errors(q) / sizes)
+        return self.median(self.window_errors(q) / sizes)
 
-    def _median(self, values: Array) -> Array:
+    def median(self, values: Array) -> Array:
         """Return medians over the windows in which a joint's command moves, (n,); else zero."""
         columns = zip(values.T, self.moves.T, strict=True)
         return np.array([np.median(x[moves]) if moves.any() else 0.0 for x, moves in columns])
@@ -310,7 +317,7 @@ class RolloutProblem:
         no contacts or lost commands.
         """
         errors = self.window_errors(q)
-        usual = self._median(errors)
+        usual = self.median(errors)
         times = autocorrelation_time(self.differences(q))
         scale = np.maximum(np.maximum(errors, usual), 1e-9) * np.sqrt(times)
         of_rows = np.repeat(1.0 / scale, np.diff(self.rows()), axis=0)
@@ -454,10 +461,8 @@ class RolloutProblem:
         moved = self.move(x, step)
         if not (turn < 0).any():
             return moved
-        numbers, delays = self.unpack(x)
-        servo = self.machine.servo.having(numbers)
-        pairs = zip(self.logs, delays[self.source].tolist(), strict=True)
-        torque = np.concatenate([servo_log(log, servo, late).tau for log, late in pairs])
+        servo = self.machine.servo.having(self.unpack(x)[0])
+        torque = self.torque(x)
         # Rare is a smaller share of rows than that by which gains are varied.
         is_rare = np.mean(np.abs(torque) >= servo.high, axis=0) < LATER
         shrinks = (turn < 0) & is_rare & (servo.high < np.inf)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -95,6 +96,17 @@ def cut_windows(logs: Sequence[Log]) -> list[Window]:
         starts = place_windows(log, length, count)
         windows += [Window.of(k, log, start, start + length) for start in starts.tolist()]
     return windows
+
+
+def split_windows(windows: Sequence[Window]) -> list[Window]:
+    """Return windows whose logs are rolled out whole in stretches of the usual length."""
+    stretches = list[Window]()
+    for window in windows:
+        rows = window.rows
+        count = max(int(len(rows) * signals.sampling_step(rows.t) / WINDOW), 1)
+        ends = np.linspace(0, len(rows), count + 1).astype(int).tolist()
+        stretches += [Window.of(window.log, rows, *pair) for pair in pairwise(ends)]
+    return stretches
 
 
 def place_windows(log: Log, length: int, count: int) -> np.ndarray:
