@@ -1,14 +1,16 @@
 """Each effect's columns are what its equation says, on actuated, coupled and passive axes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
-from identifiability import Log, Model, Robot, analyze, predict, prepare_log, simulate
+from identifiability import Log, Model, Robot, analyze, diagnose, predict, prepare_log, simulate
 from identifiability.effects import find_effect
 from identifiability.regression.structure import random_motion
-from identifiability.simulation import Campaign, random_trajectory, shipped_trajectory
+from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
 
 
 def columns(robot, motion, name):
@@ -53,6 +55,21 @@ def test_motor_logs_are_converted_to_the_joint_side(coupled, tmp_path, rejected)
         predict("two-link", result, joint)
     # Power is the same on either side of the gears.
     assert_allclose((motor.tau * motor.dq).sum(1), (joint.tau * joint.dq).sum(1), atol=1e-10)
+
+
+def test_a_wrong_constant_of_a_coupled_motor_is_no_leak(coupled, tmp_path):
+    gains = tmp_path / "gains.toml"
+    gains.write_text(COUPLED + "[torque]\ngain = {motor1 = 1, motor2 = 1}\n")
+    robot = Robot.load("two-link", gains)
+    log = simulate(
+        robot, shipped_trajectory(robot, "a"), noise=Noise(additive=0.02), rng=default_rng(0)
+    )
+    C = robot.transmission.coupling
+    off = replace(log, tau=log.tau @ np.linalg.inv(C) * [1, 1.1] @ C)
+    ((p,),) = [
+        e.placements for e in diagnose(robot, off, effects=["torque_scale", "torque_leak"]).effects
+    ]
+    assert {p.place, *(r.place for r in p.rivals)} == {"shoulder", "motor2"}  # masses are free
 
 
 def test_a_joint_without_masses_has_no_load_and_not_that_of_rounding():

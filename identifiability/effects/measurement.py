@@ -241,19 +241,42 @@ def _needs_stated_gain(robot: Robot, place: str) -> str:
     return needs_masses(robot, place)
 
 
+def torque_shares(robot: Robot) -> dict[str, tuple[str, Array]]:
+    """Return each torque column and its weights (n,) of joint torques, by the axis that it loads.
+
+    Columns are those of motors where these mix joints and the sidecar states gains of them, each
+    with one motor a joint; else those of joints.
+    """
+    names, gear = robot.motor_joints, robot.transmission
+    joints = np.eye(len(robot.joints))[len(robot.joints) - len(names) :]
+    square = gear is not None and len(gear.motors) == len(names)
+    if gear is None or not square or not {*robot.torque.table("gain")} & {*gear.motors}:
+        return dict(zip(names, zip(names, joints, strict=True), strict=True))
+    shares = {}
+    every = np.linalg.inv(gear.coupling).T @ joints
+    for motor, row, weights in zip(gear.motors, gear.coupling, every, strict=True):
+        moved = np.flatnonzero(row)
+        if len(moved) > 1:
+            shares[motor] = motor, weights
+        else:
+            shares[names[moved[0]]] = motor, row.sum() * weights
+    return shares
+
+
 @declare(
     "a wrong scale of the torque",
-    actuated_joints,
+    lambda robot: tuple(torque_shares(robot)),
     refuse=_needs_stated_gain,
     against="load",
     loaded=True,
     told_by=POSTURES,
 )
-class TorqueScale(AtMotors):
-    """``τ = s τ``: the torque of one joint is s too large, as by a wrong constant of its motor.
+class TorqueScale(AlongAxes):
+    """``τ = s τ``: the torque of one motor is s too large, as by a wrong constant.
 
     The torque is that of the fitted values. One scale of all joints is a scale of all masses; only
-    differences between joints are identifiable.
+    differences between joints are identifiable. A motor that mixes joints has a scale where the
+    sidecar states its gain.
     """
 
     name = "torque_scale"
@@ -263,9 +286,15 @@ class TorqueScale(AtMotors):
 
     anywhere = False
 
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return those of torque columns."""
+        shares = torque_shares(robot)
+        return [axis for axis in robot.axes if axis.name in shares]
+
     def curves(self, at: Along) -> list[Array]:
-        """Return the torque of the joint."""
-        return [nominal_torque(at.robot, at.motion)[:, at.joint]]
+        """Return the torque of the joint or motor."""
+        _, weights = torque_shares(at.robot)[at.axis.name]
+        return [nominal_torque(at.robot, at.motion) @ weights]
 
 
 # Torque of another joint that leaks into the measured torque of this one.

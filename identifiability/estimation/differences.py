@@ -18,6 +18,7 @@ from typing import cast
 
 import numpy as np
 
+from identifiability.effects.measurement import torque_shares
 from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rules import Tolerance
@@ -197,14 +198,20 @@ class Compared(Excerpt):
         for c in every:
             amount = self.amount(c)
             if c.kind == "gain":
-                j = self.robot.joints.index(c.place)
-                torque = self.torque[:, j]
-                data = self.data[:, j]
-                found[j, c.columns[0]] = torque * data * amount
+                found |= self._scale(c, amount)
                 continue
             for column, first in zip(c.columns, unlike[c.effect_key].columns, strict=True):
                 found |= {(j, column): x * amount for j, x in torques[first].items()}
         return found
+
+    def _scale(self, gain: Differing, amount: Array) -> Entries:
+        """Return the torque (N,) of a change of a gain, by joint and column."""
+        (axis,) = (axis for axis in self.robot.axes if axis.name == gain.place)
+        _, weights = torque_shares(self.robot)[gain.place]
+        torque = self.torque @ weights * amount
+        loads = dict(enumerate(np.zeros(0) if axis.row is None else axis.row.tolist()))
+        data = self.data
+        return {(j, gain.columns[0]): x * torque * data[:, j] for j, x in loads.items() if x}
 
     def amount(self, change: Differing) -> Array:
         """Return the amount of a change in each row, (N,)."""

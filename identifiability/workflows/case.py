@@ -24,7 +24,13 @@ import numpy as np
 
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.effects.friction import PassiveJointFriction
-from identifiability.effects.measurement import ClockError, EncoderBias, TimeDelay, TorqueScale
+from identifiability.effects.measurement import (
+    ClockError,
+    EncoderBias,
+    TimeDelay,
+    TorqueScale,
+    torque_shares,
+)
 from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
@@ -994,7 +1000,11 @@ def state_gains(fitted: Measured, robot: Robot) -> str:
     The text is empty if several motors make the torque of such a joint.
     """
     scales = {name: pair for name, pair in fitted.items() if name.endswith(".scale")}
-    columns = {robot.torque_column(n.removesuffix(".scale")): pair for n, pair in scales.items()}
+    shares = torque_shares(robot)
+    columns = {
+        robot.torque_column(shares[name.removesuffix(".scale")][0]): pair
+        for name, pair in scales.items()
+    }
     if not columns or "" in columns:
         return ""
     factors = {name: 1.0 / (1.0 + scale) for name, (scale, _) in columns.items()}
