@@ -61,6 +61,7 @@ def test_friction_that_rose_is_named_with_its_size(name, joint, motion):
     one = {x: getattr(change, x)[:1] for x in ("names", "units", "sizes", "before", "before_sd")}
     lone = replace(change, **one, covariance=change.covariance[:1, :1])
     assert f" friction of {joint} rose by " in lone.called
+    assert replace(lone, before_sd=0.3 * lone.before).called != lone.called  # the ± of the share
     for row, sd in zip(found.tables()[0].rows[1:], change.sd, strict=False):
         true = campaign(name).robot.nominal[row[0].text]
         levels = [float(cell.text.split()[0]) for cell in row[1:3]]  # before and after

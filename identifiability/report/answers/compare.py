@@ -276,11 +276,12 @@ def _find_size(change: Change) -> tuple[str, float, float, str]:
     if change.kind == "friction" and known:
         k = seen[0]
         kind = change.names[k].removeprefix(f"{change.place}.")
-        percent = 100 / abs(change.before[k])
-        size = percent * change.sizes[k]
-        if kind in JOINT_KINDS and np.isfinite(size):
+        before = abs(change.before[k])
+        share = change.sizes[k] / before
+        if kind in JOINT_KINDS and np.isfinite(share):
             what = f"{sentence('values', kind)} of {change.place}"
-            return what, size, percent * change.sd[k], "%"
+            sd = np.hypot(change.sd[k], share * change.before_sd[k]) / before
+            return what, 100 * share, 100 * sd, "%"
     return change.what, 100 * change.share, 100 * change.share_sd, "%"
 
 
