@@ -31,15 +31,15 @@ def answer_profiles(
         said.append(state_region(curve, limits=not (shown and misread)))
         lower, upper = curve.region
         stated = shapes.get(curve.number.name, lower)
-        if not lower <= stated <= upper:
+        rounded = format_number(stated, 3)
+        if not lower <= stated <= upper and f" {rounded} " not in said[-1]:
             place, _, family = curve.number.name.rpartition(".")
             power = shapes.get(f"{curve.number.name}{EXPONENT}")
             more = f",{power:g}" if power else ""
             best = f"{family}@{place}:{curve.best:.3g}{more}"
-            holes = {"stated": format_number(stated, 3), "unit": curve.number.unit, "best": best}
+            holes = {"stated": rounded, "unit": curve.number.unit, "best": best}
             said.append(sentence("analysis.bounds", "excluded", **holes))
-    regions = " ".join(said)
-    return answer("analysis.bounds", "found", regions=regions)
+    return answer("analysis.bounds", "found", regions=" ".join(said))
 
 
 def is_width(curve: Profile) -> bool:

@@ -5,6 +5,7 @@ import pytest
 
 from identifiability import Case, Noise, Preparation, Robot, analyze, plot, prune
 from identifiability.regression.reduction import LadderEntry
+from identifiability.report.answers.profiles import answer_profiles
 from identifiability.simulation import Campaign, random_trajectory
 
 SPEED = 0.1
@@ -40,6 +41,8 @@ def test_a_shape_is_profiled_unasked_and_its_region_holds_the_truth(found):
     assert lower < SPEED < upper < 4 * SPEED
     assert f"{SHAPE} is between" in found.statement
     assert "The model has 0.5 rad/s (as stated, or else" in found.statement
+    ends = answer_profiles(found.profiles, {SHAPE: lower - 1e-9}, shown=False)
+    assert "exclude" not in ends.short + ends.text  # with the digits that are shown
     assert plot.profile(found, SHAPE).axes
 
 
