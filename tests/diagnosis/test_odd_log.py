@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import Model, Preparation, Robot, diagnose, prepare_log
+from identifiability.workflows.diagnose.naming import leave_out
 
 FEW = {"effects": ["joint_stiffness", "torque_offset", "position_ripple"], "quick": True}
 FEW |= {"forward": False}
@@ -29,8 +30,11 @@ def test_a_log_of_another_robot_is_left_out_and_effects_are_named_from_the_other
     assert (change.log, change.family, change.place) == (
         logs[1].name, "coulomb_friction", "elbow"
     )  # fmt: skip
-    assert np.isinf(change.start)
-    assert np.isinf(change.stop)
+    assert change.whole
+    assert f" in all of {change.log}" in d.statement
+    end = float(logs[0].t[-2])
+    part = replace(change, log=logs[0].name, stop=end, ended=(end, end))
+    assert leave_out(d.problem, part).changes[-1].whole  # the other rows are too few
     assert "N·m ± " in d.details.partition(f" in {logs[1].name}. The rows logged meanwhile")[0]
     assert [s.name for s in d.samples] == [log.name for log in (logs[0], *logs[2:4])]
     assert d.to_dict()["roles"]["left_out"] == [logs[1].name]

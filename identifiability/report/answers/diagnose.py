@@ -336,7 +336,10 @@ def _answer_missing(d: Diagnosis) -> Answer:
     """Return the missing effects and the changes in the middle of a log."""
     about = "diagnosis.missing"
     named = [*map(partial(_state_effect, d), d.effects)]
-    named += [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
+    named += [
+        f"{' or '.join([c.what, *c.others])} in {'all' if c.whole else 'a part'} of {c.log}"
+        for c in d.changes
+    ]
     short = capital(sentence(about, "named" if named else "nothing", names=named))
     odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
     unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0

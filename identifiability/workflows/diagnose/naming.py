@@ -816,6 +816,10 @@ def leave_out(problem: Problem, change: Change) -> Problem | None:
     every = [x for x in (problem.samples, problem.excerpt) if x]
     kept = [k for k in (_outside(x[at], change) for x in every) if k is not None]
     gone = len(kept) < len(every)
+    if gone:
+        low, high = -np.inf, np.inf
+        began, ended = (low, low), (high, high)
+        change = replace(change, start=low, stop=high, began=began, ended=ended)
     rest = [(*x[:at], *([] if gone else [k]), *x[at + 1 :]) for x, k in zip_longest(every, kept)]
     if not rest[0]:
         return None
