@@ -192,7 +192,7 @@ def _needs_servos(robot: Robot, place: str) -> str:
 
 
 @declare(
-    "commands that act later than was found",
+    "commands that act earlier or later than was found",
     actuated_joints,
     refuse=_needs_servos,
     logs="commands",
