@@ -1470,6 +1470,20 @@ def _file_name(robot: Robot) -> str:
     return f"{robot.name}/{path.name}"
 
 
+def weaken_servos(robot: Robot, values: NumberByName) -> tuple[Robot, NumberByName]:
+    """Return a robot whose servos are as weak as scales of their torque say, and other values.
+
+    A torque that was computed of commands is too large by a scale because the gains are.
+    """
+    scales = [f"{j}.scale" for j in robot.joints]
+    servo = robot.servo
+    if servo is None or values.keys().isdisjoint(scales):
+        return robot, values
+    factor = np.array([1.0 + values.get(name, 0.0) for name in scales])
+    weak = servo.having({"kp": servo.kp / factor, "kv": servo.kv / factor})
+    return replace(robot, servo=weak), {n: x for n, x in values.items() if n not in scales}
+
+
 def _move(
     robot: Robot, name: str, values: NumberByName, logs: Sequence[Log], known: Any = None
 ) -> Simulated:
@@ -1477,6 +1491,7 @@ def _move(
     from identifiability.servos import forgotten, rms_of_judged, roll_delayed  # noqa: PLC0415 - MuJoCo
     from identifiability.simulation.rollout import CommandedRobot, drive  # noqa: PLC0415
 
+    robot, values = weaken_servos(robot, values)
     late = list[float]()
     found = list[Array]()
     apart = list[Array]()

@@ -76,6 +76,7 @@ from identifiability.workflows.predict import (
     read_real,
     refuse_robot,
     state_missing,
+    weaken_servos,
 )
 
 from .joints import describe_joints, state_doubted
@@ -486,6 +487,8 @@ def _prepare_writing(
     shapes = content.physical.shapes
     groups = {p.name: p.group for p in every_parameter(robot, shapes).values()}
     loaded = any(x and n in groups and FAMILIES[groups[n]].loaded for n, x in given.items())
+    if content.rollout:
+        robot, given = weaken_servos(robot, given)
     # Values from torque do not depend on servos of the file, which are kept.
     moved = robot if content.rollout else replace(robot, servo=None)
     reference = reference_values(robot) if loaded else {}
