@@ -347,7 +347,8 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     precision = rows.T @ rows + known.T @ known
     scores = rows * residual[:, None]
     changes = [*known, *_block_scores(problem, rows, scores, precision)]
-    root = changes @ np.linalg.pinv(precision, hermitian=True) / unit
+    # Rounding gives numbers that are stated an error that is hardly zero.
+    root = changes @ np.linalg.pinv(precision, hermitian=True) * (problem.varied / unit)
     return root.T @ root
 
 
@@ -405,14 +406,13 @@ def conclude(problem: RolloutProblem, end: SearchEnd) -> Rollouts:
     ratios = of_kp * [numbers["ki"], numbers["kv"]]
     to_gains[: 2 * n, 2 * n :] = np.vstack([np.diag(row) for row in ratios])
     unsure = np.sqrt(np.diag(covariance))
-    delay_errors = unsure[problem.delays] * problem.varied[problem.delays]
     return Rollouts(
         numbers=numbers,
         parameters=problem.parameters(numbers),
         delays=delays,
         errors=problem.errors(end.q),
         missed=problem.missed(end.q),
-        delay_errors=delay_errors,
+        delay_errors=unsure[problem.delays],
         covariance=to_gains @ covariance[gains, gains] @ to_gains.T,
         unsure=unsure,
         search=(problem, end),
