@@ -17,6 +17,7 @@ def test_simulated_logs_are_analyzed(succeeds, tmp_path):
     assert len(pd.read_csv(train)) == 750
     out = succeeds("analyze", "3-rps", train, "--validate", test)
     assert "12 of 12 parameters are identifiable" in out.output
+    assert "force [N]" in succeeds("inspect", "3-rps", train, "-v").output
 
 
 #: What each command does without.

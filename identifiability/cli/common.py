@@ -120,8 +120,11 @@ def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ())
     check_apart(outputs, [path for path in inputs if path is not None])
 
 
-def print_table(shown: Table, rows: int, title: str) -> None:
-    """Print a table of a result with at most `most` rows, under its caption or a title."""
+def print_table(shown: Table, rows: int, title: str, quantity: Callable[[str], str]) -> None:
+    """Print a table of a result with at most `rows` rows, under its caption or a title.
+
+    `quantity` names torque, or force where all joints slide.
+    """
     from rich.table import Table as Grid  # noqa: PLC0415
 
     # rich would wrap a title of the table to its width
@@ -130,14 +133,15 @@ def print_table(shown: Table, rows: int, title: str) -> None:
     own = shown.brief(rows)
     for column in own.columns:
         side: Literal["left", "right"] = "right" if column.kind in ("number", "bar") else "left"
-        grid.add_column(column.title, justify=side, overflow="fold")  # no name is cut
+        grid.add_column(quantity(column.title), justify=side, overflow="fold")  # no name is cut
     for at, row in enumerate(own.rows):
         first = "▸ " if at == own.marked else ""
         grid.add_row(*(escaped(f"{first * (not k)}{cell.text}") for k, cell in enumerate(row)))
     if not console.is_terminal:  # a file, or another program, has no width
         console.width = 10_000
     marks = " (▸ use this one)" if own.marked is not None else ""
-    console.print(f"[italic]{escaped(own.caption or title)}{marks}[/italic]", soft_wrap=True)
+    title = escaped(quantity(own.caption or title))
+    console.print(f"[italic]{title}{marks}[/italic]", soft_wrap=True)
     console.print(grid)
 
 
@@ -152,25 +156,25 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
         Further sentences, below the answers.
     """
     from identifiability.foundation.rounding import format_count  # noqa: PLC0415
+    from identifiability.report.answers.common import name_forces, pushes  # noqa: PLC0415
 
+    quantity = name_forces if pushes(result) else str
     answers = [a for a in result.answers() if not a.commands]
     every = VERBOSE.get()
     said = [f"{a.question} {a.whole if every else a.short}" for a in answers]
-    warnings = [f"Warning: {text}" for text in result.warnings]
-    hints = list(result.remarks)
+    warnings = [quantity(f"Warning: {text}") for text in result.warnings]
     shorts = [a.short for a in answers]
-    told = [x for x in hints if isinstance(x, Finding) and x.told and not every]
+    told = [x for x in result.remarks if isinstance(x, Finding) and x.told and not every]
     choices = [f"Note: {x}" for x in told if x not in shorts]
     said = [*said, *warnings, *choices] if said else [result.statement]
-    if not every:
-        hints = [x for x in hints if x not in told]
+    hints = [x for x in result.remarks if x not in told]
     print_end([*said, *more])
-    robot = getattr(result, "robot", None)
+    title = getattr(getattr(result, "robot", None), "title", "")
     for table in (*result.tables(), *result.ledger()):
         if table.long or not table.rows or not (every or not answers or table.always):
             continue
         shown = max(12, (table.marked or 0) + 4)
-        print_table(table, shown, getattr(robot, "title", ""))
+        print_table(table, shown, title, quantity)
         if (left := len(table.rows) - shown) > 0:
             where = "the page" if any(p.suffix == ".html" for p in written) else "--report"
             print_end([f"{format_count(left, 'row')} below them: {where} shows them all."])

@@ -90,8 +90,8 @@ from .roles import assign_roles
 
 #: Reason, after "because", why misread columns give no verdict.
 MISREAD = (
-    "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
-    "says: correct these logs, and run again"
+    "a column seems to have the wrong sign, unit, zero or joint, or to be aliased, as the first "
+    "remark says: correct these logs, and run again"
 )
 
 #: Errors of measurement, and all families that a model gets if the rows surely show them.
