@@ -819,6 +819,8 @@ def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(ar
         assert "elbow does not follow its command, or has none. Its torque is left out" in said
     assert list(result.moved.alike) == [True, False]
     assert result.moved.standing == ("elbow",)
+    rolled = result.recordings.rolled.numbers["Fc"][0]
+    assert rolled == pytest.approx(TRUTH["shoulder.Fc"], rel=0.1)
     table = result.to_frame(details=True).set_index("name")
     low, high = table.loc["shoulder.Fc", "interval95"]
     assert low < TRUTH["shoulder.Fc"] < high

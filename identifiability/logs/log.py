@@ -152,9 +152,11 @@ class Log:
         if self.arrivals is not None:
             return self.arrivals
         told = [x for x in (self.q_ref, self.dq_ref, self.tau_ff) if x is not None]
-        changes = np.zeros(len(self), bool)
-        for x in told:
-            changes[1:] |= (np.diff(x, axis=0) != 0).any(1)
+        none = np.zeros(self.q.shape)
+        # A joint that is set aside moves as it was measured, by no command.
+        aside = none > 0 if self.aside is None else self.aside
+        sizes = [np.abs(np.diff(x, axis=0, prepend=x[:1])) for x in told]
+        changes = np.where(aside, 0.0, sum(sizes, none)).sum(1)
         return signals.held_since(self.t, changes)
 
     @staticmethod

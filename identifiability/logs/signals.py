@@ -30,14 +30,15 @@ def held_since(t: Array, changes: Array) -> Array:
 
     A value on another clock appears in the rows late, by a varying part of a row. If values arrive
     regularly, their arrival times lie on a line over their numbers. The line is the latest one that
-    no row precedes. If values arrive with rows, the times are those of the rows.
+    no row precedes. If values arrive with rows, the times are those of the rows. Slow values repeat
+    by rounding, and only those of a slower clock where they change fast.
 
     Parameters
     ----------
     t : (N,) [s]
         Times of rows, evenly spaced.
-    changes : (N,) bool
-        Mask of rows whose value differs from the previous one.
+    changes : (N,)
+        By how much the value of each row differs from the previous one.
     """
     (rows,) = np.nonzero(changes)
     if len(rows) < RULES.fewest:
@@ -61,7 +62,11 @@ def held_since(t: Array, changes: Array) -> Array:
         behind -= drift * _flatten(behind, drift)
     behind -= behind.min()
     out = t.copy()
-    if usual > dt + uneven >= behind.max():
+    repeats = apart > dt + uneven
+    sizes = changes[rows]
+    in_motion = np.minimum(sizes[1:], sizes[:-1]) >= np.median(sizes)
+    is_slower = usual > dt + uneven >= behind.max()
+    if is_slower and (repeats & in_motion).any():
         waited = np.where(behind > uneven, behind, 0.0)
         out[rows] = np.maximum(seen - waited, t[rows - 1])
     return out

@@ -221,13 +221,21 @@ class CommandedRobot:
     @quiet()
     def gravity(self, q: Array) -> Array:
         """Return the torque of gravity and springs at configurations, (N, n) each."""
-        data = mujoco.MjData(self.model)
+        return self._bodies(self.model, q, 0.0 * q, 0.0 * q)
+
+    def _bodies(self, model: Any, q: Array, v: Array, a: Array) -> Array:
+        """Return the torque of bodies and springs along a motion, (N, n) each."""
+        data = mujoco.MjData(model)
+        inertial = np.zeros(model.nv)
         torque = np.zeros(q.shape)
         for k, at in enumerate(q):
             data.qpos[:], slope = self._forward.tie(at)
-            mujoco.mj_fwdPosition(self.model, data)
-            mujoco.mj_fwdVelocity(self.model, data)
-            torque[k] = (data.qfrc_bias - data.qfrc_passive) @ slope
+            data.qvel[:] = slope @ v[k]
+            data.qacc[:] = slope @ a[k]
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            mujoco.mj_rne(model, data, 1, inertial)
+            torque[k] = (inertial - data.qfrc_passive + data.qfrc_damper) @ slope
         return torque
 
     @cached_property
@@ -368,9 +376,14 @@ class CommandedRobot:
         begin = (float((delay + ahead) / h) % 1.0 - 0.5) * h
         times = log.t[0] + begin + h * np.arange(steps)
         # Robots that are rolled out together differ in numbers that targets do not depend on.
-        key = (log, servo.kp.tobytes(), servo.kv.tobytes(), h, delay)
+        key = (log, servo.kp.tobytes(), servo.kv.tobytes(), h)
         targets = partial(acting, log, servo, times, h, delay)
-        control = remember(self.acting, key, targets, 50)
+        control = remember(self.acting, (*key, delay), targets, 50)
+        if log.aside is not None:
+            # A joint that is no data moves as it was measured, not behind that.
+            lead = remember(self.acting, key, partial(self._lead, model, log, servo), 50)
+            measured = np.stack([np.interp(times, log.t, x) for x in lead.T], axis=1)
+            control = np.where(np.isnan(measured), control, measured)
         q, slope = self._forward.tie(start)
         v = slope @ speed
         a0 = self._acceleration(model, data, q, v, control[0])
@@ -397,6 +410,21 @@ class CommandedRobot:
         limit = DIVERGED * (np.abs(log.q).max() + 1.0)
         out[np.cumsum(~(np.abs(out).max(1) < limit)) > 0] = np.nan
         return out
+
+    def _lead(self, model: Any, log: Log, servo: Servo) -> Array:
+        """Return the targets by which joints set aside move as measured, (N, n); else NaN."""
+        assert log.aside is not None
+        dt = signals.sampling_step(log.t)
+        v = signals.differentiate(log.q, dt)
+        a = signals.differentiate(v, dt)
+        damping = self.places.read(model, "damping") + servo.damping
+        rotors = self.places.read(model, "armature") + 0.5 * model.opt.timestep * damping
+        friction = self.places.read(model, "frictionloss") * np.sign(v)
+        offset = -model.actuator_biasprm[self.actuators, 0]
+        bodies = self._bodies(model, log.q, v, a)
+        torque = bodies + rotors * a + damping * v + friction + offset
+        leads = log.aside & (servo.kp > 0) & ~(servo.integral > 0)
+        return np.where(leads, log.q + torque / servo.gain, np.nan)
 
     def _integrals(self, model: Any, log: Log, servo: Servo, delay: float, source: Log) -> Array:
         """Return integrals of position errors at the start of rows of a source, (na,).

@@ -154,13 +154,15 @@ def test_rows_tell_since_when_they_hold_what_comes_on_another_clock(rate, of_com
     assert np.all(np.diff(held_since(t, changes)) > -1e-9)
 
 
-@pytest.mark.parametrize("of_commands", [50, 25, 100, None])
-def test_rows_hold_since_their_times_what_comes_with_them_or_at_odd_times(of_commands):
-    t = np.arange(0, 15, 0.01)
-    odd = np.sort(default_rng(3).uniform(0, 15, 600))
-    number = np.searchsorted(odd, t) if of_commands is None else np.floor(t * of_commands + 1e-9)
-    changes = np.diff(number, prepend=number[0]) != 0
-    assert_array_equal(held_since(t, changes), t)
+ROWS = np.arange(1500)
+ODD = np.searchsorted(np.sort(default_rng(3).uniform(0, 1500, 600)), ROWS)
+SLOW = np.rint(50 * np.cos(np.pi * np.clip(ROWS / 30 % 2, 0, 1)))
+
+
+@pytest.mark.parametrize("value", [ROWS, ROWS // 2, ROWS // 4, ODD, SLOW])
+def test_rows_hold_since_their_times_what_comes_with_them_or_at_odd_times(value):
+    changes = np.abs(np.diff(value, prepend=value[0]))
+    assert_array_equal(held_since(ROWS / 100, changes), ROWS / 100)
 
 
 def test_what_comes_at_the_times_of_rows_appears_in_them_or_the_next():
