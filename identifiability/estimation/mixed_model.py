@@ -153,9 +153,9 @@ class Term:
     """
 
     group: Group
-    member: int
-    variance: float
-    odds: float
+    member: int = 0
+    variance: float = 1.0
+    odds: float = 0.0
     unseen: float = 0.0
     places: Strings = (EVERYWHERE,)
     rivals: tuple[Term, ...] = ()

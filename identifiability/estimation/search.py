@@ -164,7 +164,7 @@ def _confirm(search: Search, found: Terms) -> Confirmed:
         products = missing.products(search.unseen, among=found)
     else:
         log = missing.seen.log
-        count = len(missing.seen.log)
+        count = len(log)
         first = int(np.argmax(log == log[-1]))
         edges = [0, first, count] if first else [0, *divide(count), count]
         blocks = missing.products(missing.seen, edges, among=found)
@@ -189,9 +189,9 @@ def _replaces(other: Judged, judged: Judged, new: set[tuple[str, str]]) -> bool:
 
 def _exchange_improbable(judged: Judged) -> Terms:
     """Return terms with the likeliest alternative of an improbable one; none if there is none."""
+    terms = judged.terms
     for k, other in _find_improbable(judged):
-        exchanged = (*judged.terms[:k], other, *judged.terms[k + 1 :])
-        return judged.search.model.update_terms(exchanged)
+        return judged.search.model.update_terms((*terms[:k], other, *terms[k + 1 :]))
     return ()
 
 
@@ -279,6 +279,10 @@ def _search_terms(search: Search) -> Terms:
     return max(found, single, key=model.total_odds)
 
 
+def _families_of(terms: Terms) -> set[str]:
+    return {t.group.family for t in terms}
+
+
 def _join_terms(search: Search, terms: Terms) -> Terms:
     """Return terms with one effect where a place has all effects of which it consists.
 
@@ -289,8 +293,7 @@ def _join_terms(search: Search, terms: Terms) -> Terms:
         if parts and parts <= {t.key for t in terms}:
             first = min(k for k, t in enumerate(terms) if t.key in parts)
             rest = tuple(t for t in terms[first:] if t.key not in parts)
-            joined = (*terms[:first], Term(group, 0, 1.0, 0.0), *rest)
-            terms = search.model.update_terms(joined)
+            terms = search.model.update_terms((*terms[:first], Term(group), *rest))
     return terms
 
 
@@ -316,11 +319,6 @@ def _odds_of_parts(search: Search, rest: Terms, group: Group) -> float:
     return odds if parts else -np.inf
 
 
-def _families_of(terms: Terms) -> set[str]:
-    """Return the families of missing effects."""
-    return {t.group.family for t in terms}
-
-
 def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Weak]:
     """Return places where terms surely gain on left-out blocks, and terms that may gain.
 
@@ -332,23 +330,21 @@ def _ask_left_out(search: Search, found: Terms) -> tuple[Places, Weak]:
     """
     rows = search.missing.seen
     folds = leave_out_each(search.missing.products(rows, _block_edges(rows), among=found))
-    owners, terms = _split_places(search, found)
-    every = list(zip(owners, terms, strict=True))
+    every = kept = _split_places(search, found)
     possible = list[tuple[Term, float, float]]()
     gains = np.empty(0)
-    while terms:
+    while kept:
+        terms = tuple(t for _, t in kept)
         gains, needed = _gains_left_out(search.model, terms, folds)
         lacking = np.minimum(gains - needed, search.model.odds_each(terms) - RULES.name)
-        gone = _choose_leaving(lacking, owners, terms)
+        gone = _choose_leaving(lacking, kept)
         if not gone:
             break
         left = [(terms[k], float(gains[k]), float(needed[k])) for k in gone]
         possible += [weak for weak in left if weak[1] > 0]
-        stays = [k for k in range(len(terms)) if k not in gone]
-        owners = [owners[k] for k in stays]
-        terms = tuple(terms[k] for k in stays)
+        kept = [x for k, x in enumerate(kept) if k not in gone]
     places: Places = {t.key: {} for t in found}
-    for owner, term, gain in zip(owners, terms, gains.tolist(), strict=False):
+    for (owner, term), gain in zip(kept, gains.tolist(), strict=False):
         places[owner][term.group.place] = gain
     together = PassiveJointFriction.name, EVERYWHERE
     if len(places.get(together, ())) > 1:
@@ -366,16 +362,14 @@ def _pay_prices(search: Search, terms: Terms, places: Places) -> Terms:
     """
     kept = tuple(t for t in terms if places[t.key])
     parts = tuple(_at_some(search, t, places[t.key]) for t in kept)
-    asked = search.model.update_terms(parts)
-    worth = [own.odds >= RULES.name for own in asked]
-    fewer = [part.size < t.size for t, part in zip(kept, parts, strict=True)]
-    return tuple(t for t, some, pays in zip(kept, fewer, worth, strict=True) if pays or not some)
+    asked = zip(kept, search.model.update_terms(parts), strict=True)
+    return tuple(t for t, part in asked if part.odds >= RULES.name or part.size == t.size)
 
 
 def _at_some(search: Search, term: Term, places: Collection[str]) -> Term:
     """Return a term with the columns of some places alone."""
-    candidates = (c for some in search.missing.sets[term.key] for c in some)
-    used = [k for c in candidates if c.place in places for k in c.columns]
+    sets = search.missing.sets[term.key]
+    used = [k for some in sets for c in some if c.place in places for k in c.columns]
     columns = np.array(used) + search.missing.fixed
     members = (at[np.isin(at, columns)] for at in term.group.members)
     shapes = tuple(at for at in members if len(at))  # places may have fewer shapes
@@ -383,28 +377,31 @@ def _at_some(search: Search, term: Term, places: Collection[str]) -> Term:
     return replace(term, group=group, member=min(term.member, len(shapes) - 1))
 
 
-def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
+#: Terms of one place each, with the keys of the terms whose parts they are.
+Split = list[tuple[tuple[str, str], Term]]
+
+
+def _choose_leaving(lacking: Array, split: Split) -> list[int]:
     """Return the terms removed in a round: at most one of a place and of a family, the worst.
 
     One scale of the torque is redundant given all others, but all scales together are not.
     """
     gone = list[int]()
+    taken = set[object]()
     for k in np.argsort(lacking).tolist():
-        families = {owners[g] for g in gone}
-        places = {terms[g].group.place for g in gone}
-        alone = owners[k] not in families and terms[k].group.place not in places
-        if lacking[k] < 0 and alone:
+        owner, term = split[k]
+        if lacking[k] < 0 and taken.isdisjoint([owner, term.group.place]):
             gone.append(k)
+            taken |= {owner, term.group.place}
     return gone
 
 
-def _split_places(search: Search, found: Terms) -> tuple[list[tuple[str, str]], Terms]:
+def _split_places(search: Search, found: Terms) -> Split:
     """Return terms of one place each, and the keys of the terms whose parts they are.
 
     A sum of all shapes of a family is a curve, which no equation names.
     """
-    owners = list[tuple[str, str]]()
-    terms = list[Term]()
+    split: Split = []
     for k, term in enumerate(found):
         candidates = find_candidates(search, found, k)
         price = float(np.log(len(candidates)))  # the family has paid its price
@@ -413,9 +410,8 @@ def _split_places(search: Search, found: Terms) -> tuple[list[tuple[str, str]], 
         for c in candidates:
             columns = np.array(c.columns) + search.missing.fixed
             group = replace(part, place=c.place, members=(columns,))
-            owners.append(term.key)
-            terms.append(replace(term, group=group, member=0))
-    return owners, tuple(terms)
+            split.append((term.key, replace(term, group=group, member=0)))
+    return split
 
 
 def _block_edges(rows: Excerpt) -> list[int]:
@@ -439,17 +435,13 @@ def _gains_left_out(
     fit. Each other term must therefore gain a share of their joint gain, or be no such error. The
     likeliest may be a family everywhere. An error of clocks is no law of the joint.
     """
-    laws = dict[str, list[int]]()
-    for k, term in enumerate(terms):
-        if term.group.family not in CLOCKS:
-            laws.setdefault(term.group.place, []).append(k)
-    every = range(len(terms))
-    crowds = [laws.get(t.group.place, []) for t in terms]
-    singles = [frozenset([k]) for k in every]
-    joint = [frozenset([k, *crowd]) for k, crowd in zip(every, crowds, strict=True)]
+    laws = [k for k, t in enumerate(terms) if t.group.family not in CLOCKS]
+    crowds = [[k for k in laws if terms[k].group.place == t.group.place] for t in terms]
+    singles = [frozenset([k]) for k in range(len(terms))]
+    joint = [own.union(crowd) for own, crowd in zip(singles, crowds, strict=True)]
     gains, together = model.left_out(terms, folds, [*singles, *joint]).reshape(2, -1)
     needed = np.full(len(terms), RULES.keep)
-    for k, crowd in zip(every, crowds, strict=True):
+    for k, crowd in enumerate(crowds):
         likeliest = max(crowd, default=k, key=lambda k: terms[k].odds)
         least = max(RULES.keep, RULES.law_error * together[k])
         small = k != likeliest and gains[k] < least
@@ -527,10 +519,8 @@ def find_candidates(search: Search, terms: Terms, k: int) -> list[Candidate]:
         chosen = _refined(search.model, rest, term.group, sets)
     elif term.member == len(sets):
         chosen = [c for some in sets for c in some]
-    places: dict[str, list[Candidate]] = {}
-    for c in chosen:
-        places.setdefault(c.place, []).append(c)
-    return [_merge_kinds(own) for own in places.values()]
+    places = dict.fromkeys(c.place for c in chosen)
+    return [_merge_kinds([c for c in chosen if c.place == place]) for place in places]
 
 
 def _merge_kinds(own: Sequence[Candidate]) -> Candidate:
@@ -657,8 +647,8 @@ def _conclude_named(judged: Judged, robot: Robot) -> MissingEffects:
     terms = tuple(_at_places(judged, k) for k in range(len(judged.terms)))
     found = _conclude(judged.search, terms)
     named = found.shares[: len(found.named)]
-    own = [s for s in named if not is_unknown_age(s, robot)]
-    kept = tuple(s.term for s in own if not is_drift_of_integral(s, robot))
+    spurious = is_unknown_age, is_drift_of_integral
+    kept = tuple(s.term for s in named if not any(of(s, robot) for of in spurious))
     if len(kept) == len(named):
         return found
     return _conclude(judged.search, judged.search.model.update_terms(kept))

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from identifiability import Noise, Robot, analyze, diagnose
+from identifiability import Noise, analyze, diagnose
 from identifiability.effects import find_family
 from identifiability.effects.effect import measure_spans
 from identifiability.estimation import search
 from identifiability.estimation.mixed_model import MixedModel, Term
-from identifiability.simulation import Campaign, random_trajectory
 from identifiability.workflows.diagnose.naming import Naming
+
+from .conftest import campaign
 
 
 @pytest.mark.parametrize(
@@ -92,7 +93,7 @@ def test_an_effect_whose_values_its_law_excludes_is_not_named(logs_of, monkeypat
 def test_a_name_that_is_far_less_probable_than_another_is_replaced(logs_of, named, monkeypatch):
     def stop_early(model):
         of_elbow = [g for g in model.groups if g.key == ("torque_offset", "elbow")]
-        return model.update_terms(tuple(Term(g, 0, 1.0, 0.0) for g in of_elbow))
+        return model.update_terms(tuple(Term(g) for g in of_elbow))
 
     monkeypatch.setattr(MixedModel, "search", stop_early)
     logs = logs_of("two-link", "gravity_spring@elbow=0.1")
@@ -176,14 +177,13 @@ def test_friction_of_all_joints_but_one_is_named_in_these_joints_alone(
 
 def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tmp_path):
     """Friction falls with the square of the speed, and differs a little between directions."""
-    robot, rng = Robot.load("two-link"), default_rng(99)
-    c = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
+    c = campaign("two-link")
     v = c.move.dq[:, 0]
     added = np.zeros_like(c.move.dq)
     added[:, 0] = 2.0 * (0.1 + np.sign(v)) * np.exp(-((v / (0.3 * v.std())) ** 2))
     noise = Noise(additive=0.004, correlation=0.9, encoder=2e-5)
     logs = c.logs(added, noise, default_rng(0))
-    d = diagnose(robot, logs[:4], logs[4:], forward=False)
+    d = diagnose(c.robot, logs[:4], logs[4:], forward=False)
     assert named(d) == [("stribeck_friction", ("shoulder",))]
     assert d.held_after < 0.3 * d.held_before
     (placed,) = d.effects[0].placements

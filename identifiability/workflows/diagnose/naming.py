@@ -153,7 +153,7 @@ class Naming:
     def terms(self) -> Terms:
         """The parts in their order, each with its variance."""
         groups = {g.key: g for g in self.model.groups}
-        terms = tuple(Term(groups[p.candidate.group], 0, 1.0, 0.0) for p in self.parts)
+        terms = tuple(Term(groups[p.candidate.group]) for p in self.parts)
         return self.model.update_terms(self.model.update_terms(terms))
 
     def values(self, k: int) -> tuple[Array, Array]:
@@ -441,8 +441,8 @@ def _write_term(judged: Judged, k: int) -> Iterator[Part]:
     places = judged.places[term.key]
     odds, others = list_alternatives(judged, k)
     unnamed = term.group.unnamed
-    named = [t for t in others if not t.group.unnamed]
-    nearest = [t for t in named if unnamed and t.group.place == term.group.place]
+    named = (t for t in others if unnamed and not t.group.unnamed)
+    nearest = [t for t in named if t.group.place == term.group.place]
     weight = float(softmax([odds, *(t.odds for t in others)])[0])
     for c in find_candidates(search, judged.terms, k):
         if c.place in places:

@@ -745,14 +745,20 @@ def find_harmful(naming: Naming) -> list[int]:
 
     What other parts explain would hide it from `verify_effects`.
     """
-    every = range(len(naming.parts))
+    every = [*range(len(naming.parts))]
     if not every or not naming.problem.validation:
         return []
-    subsets = [every, *([n for n in every if n != k] for k in every)]
-    gap = naming.predict_unseen([naming.fit(subset) for subset in subsets])
-    errors = gap.relative_error()
-    harmful = [k for k in every if gap.surely_better(k + 1, 0, RULES.harmful)]
-    return sorted(harmful, key=lambda k: errors[k + 1])[:1]
+    kept = _leave_worst(naming, every, RULES.harmful)
+    return [k for k in every if k not in kept]
+
+
+def _leave_worst(naming: Naming, kept: list[int], errors: float = 1.0) -> list[int]:
+    """Return parts without the worst of those that surely harm, by some standard errors."""
+    fewer = [[n for n in kept if n != k] for k in kept]
+    gap = naming.predict_unseen([naming.fit(subset) for subset in (kept, *fewer)])
+    without = gap.relative_error()[1:]
+    harmful = [k for k in range(len(fewer)) if gap.surely_better(k + 1, 0, errors)]
+    return fewer[min(harmful, key=without.__getitem__)] if harmful else kept
 
 
 def find_impossible(naming: Naming) -> list[int]:
@@ -767,16 +773,9 @@ def find_doubtful(naming: Naming) -> list[int]:
     Errors of other parts may refute a right one together with them. So each part that surely harms
     goes first, even if by one standard error.
     """
-    every = range(len(naming.parts))
-    kept = [*every]
-    while kept:
-        without = [[n for n in kept if n != k] for k in kept]
-        gap = naming.predict_unseen([naming.fit(subset) for subset in (kept, *without)])
-        errors = gap.relative_error()
-        better = [k for k in range(1, len(errors)) if gap.surely_better(k, 0)]
-        if not better:
-            break
-        kept = without[min(better, key=errors.__getitem__) - 1]
+    every = kept = [*range(len(naming.parts))]
+    while kept and (fewer := _leave_worst(naming, kept)) != kept:
+        kept = fewer
     return [k for k in every if k not in kept]
 
 
@@ -858,18 +857,15 @@ def _list_effects(
         own = [naming.parts[k] for k in parts]
         family = own[0].candidate.family
         near = [title_of(t.group.family) for p in own for t in p.nearest]
-        after = float(errors[at + 1])
         everywhere = 1 < len(family.places(robot)) == sum(p.sure for p in parts.values())
-        placements = tuple(parts.values())
-        nearest = tuple(dict.fromkeys(near))
         yield NamedEffect(
             name=family.name,
-            placements=placements,
+            placements=tuple(parts.values()),
             before=float(errors[at]),
-            after=after,
+            after=float(errors[at + 1]),
             interval=change_of(gap, at, at + 1, rng),
             everywhere=everywhere,
-            nearest=nearest,
+            nearest=tuple(dict.fromkeys(near)),
         )
 
 
@@ -881,8 +877,9 @@ def _odds_of(term: Term, unseen: float, needed: float = np.nan) -> Odds:
 def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
     """Return the log odds of all groups, without and with the named effects."""
     after = {t.key: t.odds for t in naming.after}
-    pairs = [(t, after.get(t.key, np.nan)) for t in naming.before]
-    return tuple(Odds(t.group.family, place_of(t), t.odds, odds) for t, odds in pairs)
+    return tuple(
+        Odds(t.group.family, place_of(t), t.odds, after.get(t.key, np.nan)) for t in naming.before
+    )
 
 
 def _place(naming: Naming, k: int) -> Placement:
@@ -893,25 +890,22 @@ def _place(naming: Naming, k: int) -> Placement:
     if c.positive:
         value = np.maximum(value, 0.0)
     parameters = part.parameters(naming.problem.robot)
-    added = [naming.columns([k], j) @ value for j in naming.acts(k)]
-    sizes = [float(rms_of(x)) for x in added]
+    sizes = [float(rms_of(naming.columns([k], j) @ value)) for j in naming.acts(k)]
     peaks = [float(np.abs(_law(naming, k, j) @ value).max(initial=0.0)) for j in naming.acts(k)]
-    every = [r.group for r in part.rivals]  # a family everywhere is here, too
-    rivals = [Rival(g.family, g.place.replace(EVERYWHERE, c.place)) for g in every]
-    names = tuple(x.name for x in parameters)
-    units = tuple(x.unit for x in parameters)
+    rivals = [r.key for r in part.rivals]  # a family everywhere is here, too
+    here = (Rival(name, place.replace(EVERYWHERE, c.place)) for name, place in rivals)
     return Placement(
         place=c.place,
         shape=c.shape,
         shape_error=naming.shape_error(k),
         exponent=getattr(c.effect, "exponent", None) or np.nan,
-        parameters=names,
-        units=units,
+        parameters=tuple(x.name for x in parameters),
+        units=tuple(x.unit for x in parameters),
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0) + part.spread**2),
         rms=max(sizes, default=0.0),
         peak=max(peaks, default=0.0),
-        rivals=tuple(dict.fromkeys(rivals)),
+        rivals=tuple(dict.fromkeys(here)),
         weight=part.weight,
         odds=part.term.odds,
         unseen=part.unseen,
