@@ -258,25 +258,42 @@ def _find_terms(search: Search) -> tuple[Search, Terms]:
         missing = search.missing.beside(named)
         search = replace(search, missing=missing)
         kept = _search_terms(search)
-    return search, kept
+    return search, _simplify_families(search, kept)
 
 
 def _search_terms(search: Search) -> Terms:
-    """Return the missing effects; one search adds families everywhere, one does not.
+    """Return the missing effects, those of one place joined."""
+    return _join_terms(search, search.model.search())
 
-    A flexible family everywhere may replace different effects of several joints. The search would
-    not find its way back, so the evidence of both searches decides. Some joints of one family are
-    no other effects: those that keep its name are chosen later.
+
+def _simplify_families(search: Search, best: Terms) -> Terms:
+    """Return smaller groups in place of families everywhere, if they explain as much.
+
+    A family everywhere may replace different effects of several joints, and a search would not find
+    its way back. So further searches have smaller groups alone. The evidence decides, and fewer
+    parameters if it is about equal. Noise is that beside the families, which leave the least
+    torque. A family has paid the price of the effects of which it consists. Some joints of one
+    family are no other effects: those that keep its name are chosen later.
     """
     model = search.model
-    found = _join_terms(search, model.search())
-    if all(t.group.place != EVERYWHERE for t in found):
-        return found
-    places = tuple(g for g in model.groups if g.place != EVERYWHERE)
-    single = _join_terms(search, replace(model, groups=places).search())
-    if _families_of(single) <= _families_of(found):
-        return found
-    return max(found, single, key=model.total_odds)
+    most = model.total_odds(best)
+    while everywhere := [t.group for t in best if t.group.place == EVERYWHERE]:
+        widest = max(map(_width, everywhere))
+        model = replace(model, groups=tuple(g for g in model.groups if _width(g) < widest))
+        found = _join_terms(search, model.search())
+        paid = {part.family for g in everywhere for part in _parts_of(search, g)}
+        relief = sum(t.group.price for t in found if t.group.family in paid)
+        odds = model.total_odds(found) + relief
+        fewer = sum(t.size for t in found) < sum(t.size for t in best)
+        if _families_of(found) <= _families_of(best) or odds < most - RULES.simpler * fewer:
+            break
+        best, most = found, odds
+    return best
+
+
+def _width(group: Group) -> int:
+    """Return the least number of columns of a group."""
+    return min(map(len, group.members))
 
 
 def _families_of(terms: Terms) -> set[str]:

@@ -34,17 +34,22 @@ def test_a_hidden_effect_is_named_in_its_joints_and_the_gap_shrinks(
     assert d.held_after < 1.1 * diagnosis_of(robot, effects=("torque_offset",)).held_before
 
 
-def test_effects_of_two_joints_are_no_function_of_all_joints_and_the_surer_is_first(
-    diagnosis_of, named
+@pytest.mark.parametrize(
+    "robot, hidden",
+    [
+        ("two-link", ["gravity_spring@elbow=0.1", "torque_offset@shoulder=0.05"]),
+        (
+            "delta",
+            ["torque_offset@shoulder1+shoulder2+shoulder3=0.3", "joint_stiffness@shoulder1=1"],
+        ),
+    ],
+)
+def test_effects_of_single_joints_are_no_function_of_all_joints_and_the_surer_is_first(
+    robot, hidden, diagnosis_of, named
 ):
-    """The spring has nine times the log odds, and two fifths of the torque."""
-    d = diagnosis_of(
-        "two-link",
-        "torque_offset@shoulder=0.05",
-        "gravity_spring@elbow=0.1",
-        effects=("torque_offset", "gravity_spring", "position_torque"),
-    )
-    assert named(d) == [("gravity_spring", ("elbow",)), ("torque_offset", ("shoulder",))]
+    pairs = [text.partition("=")[0].split("@") for text in hidden]
+    d = diagnosis_of(robot, *hidden, effects=(*dict(pairs), "position_torque"))
+    assert named(d) == [(name, (*joints.split("+"),)) for name, joints in pairs]
 
 
 def test_both_verbs_name_a_scale_and_one_clock_beside_stronger_friction(
