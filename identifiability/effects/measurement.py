@@ -249,9 +249,11 @@ def torque_shares(robot: Robot) -> dict[str, tuple[str, Array]]:
     """
     names, gear = robot.motor_joints, robot.transmission
     joints = np.eye(len(robot.joints))[len(robot.joints) - len(names) :]
-    square = gear is not None and len(gear.motors) == len(names)
-    if gear is None or not square or not {*robot.torque.table("gain")} & {*gear.motors}:
-        return dict(zip(names, zip(names, joints, strict=True), strict=True))
+    of_joints = {name: (name, x) for name, x in zip(names, joints, strict=True)}
+    if gear is None or len(gear.motors) != len(names):
+        return of_joints
+    if robot.torque.table("gain").keys().isdisjoint(gear.motors):
+        return of_joints
     shares = {}
     every = np.linalg.inv(gear.coupling).T @ joints
     for motor, row, weights in zip(gear.motors, gear.coupling, every, strict=True):

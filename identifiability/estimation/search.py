@@ -279,7 +279,8 @@ def _simplify_families(search: Search, best: Terms) -> Terms:
     most = model.total_odds(best)
     while everywhere := [t.group for t in best if t.group.place == EVERYWHERE]:
         widest = max(map(_width, everywhere))
-        model = replace(model, groups=tuple(g for g in model.groups if _width(g) < widest))
+        smaller = tuple(g for g in model.groups if _width(g) < widest)
+        model = replace(model, groups=smaller)
         found = _join_terms(search, model.search())
         paid = {part.family for g in everywhere for part in _parts_of(search, g)}
         relief = sum(t.group.price for t in found if t.group.family in paid)
@@ -453,9 +454,10 @@ def _gains_left_out(
     likeliest may be a family everywhere. An error of clocks is no law of the joint.
     """
     laws = [k for k, t in enumerate(terms) if t.group.family not in CLOCKS]
-    crowds = [[k for k in laws if terms[k].group.place == t.group.place] for t in terms]
+    places = [t.group.place for t in terms]
+    crowds = [[k for k in laws if places[k] == place] for place in places]
     singles = [frozenset([k]) for k in range(len(terms))]
-    joint = [own.union(crowd) for own, crowd in zip(singles, crowds, strict=True)]
+    joint = map(frozenset.union, singles, crowds)
     gains, together = model.left_out(terms, folds, [*singles, *joint]).reshape(2, -1)
     needed = np.full(len(terms), RULES.keep)
     for k, crowd in enumerate(crowds):
@@ -665,9 +667,10 @@ def _conclude_named(judged: Judged, robot: Robot) -> MissingEffects:
     found = _conclude(judged.search, terms)
     named = found.shares[: len(found.named)]
     spurious = is_unknown_age, is_drift_of_integral
-    kept = tuple(s.term for s in named if not any(of(s, robot) for of in spurious))
-    if len(kept) == len(named):
+    real = [s for s in named if not any(of(s, robot) for of in spurious)]
+    if len(real) == len(named):
         return found
+    kept = tuple(s.term for s in real)
     return _conclude(judged.search, judged.search.model.update_terms(kept))
 
 

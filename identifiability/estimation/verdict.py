@@ -186,6 +186,12 @@ def possible_interval(value: float, sigma: float, *, nonnegative: bool) -> tuple
     return (max(low, 0.0) if nonnegative and high >= 0 else low), high
 
 
+def bound_signs(verdicts: Sequence[Verdict], nonnegative: np.ndarray) -> tuple[Verdict, ...]:
+    """Return verdicts on values of which physics forbids some, (k,) bool, below zero."""
+    pairs = zip(verdicts, nonnegative.tolist(), strict=True)
+    return tuple(replace(v, nonnegative=signed) for v, signed in pairs)
+
+
 def narrow(v: Verdict, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:
     """Return a verdict with a further qualification, and the interval that then holds."""
     return replace(v, flags=(flag, *v.flags), reason=f"{v.reason} {text}", believed=ends)

@@ -62,14 +62,18 @@ def held_since(t: Array, changes: Array) -> Array:
         behind -= drift * _flatten(behind, drift)
     behind -= behind.min()
     out = t.copy()
-    repeats = apart > dt + uneven
-    sizes = changes[rows]
-    in_motion = np.minimum(sizes[1:], sizes[:-1]) >= np.median(sizes)
-    is_slower = usual > dt + uneven >= behind.max()
-    if is_slower and (repeats & in_motion).any():
+    late = usual > dt + uneven >= behind.max()
+    if late and _repeats_in_motion(changes[rows], apart > dt + uneven):
         waited = np.where(behind > uneven, behind, 0.0)
         out[rows] = np.maximum(seen - waited, t[rows - 1])
     return out
+
+
+def _repeats_in_motion(sizes: Array, repeats: np.ndarray) -> bool:
+    """Return whether a value repeats, (k - 1,) bool, between two large changes, of sizes (k,)."""
+    is_large = sizes >= np.median(sizes)
+    found = repeats & is_large[1:] & is_large[:-1]
+    return bool(found.any())
 
 
 def _flatten(x: Array, drift: Array) -> float:

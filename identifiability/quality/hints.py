@@ -247,7 +247,8 @@ def find_lengths(logs: MeasuredLogs) -> Iterator[Finding]:
     span = np.ptp(q, axis=0)
     zero = [robot.home_table[joint] for joint in robot.joints]
     near = np.abs(np.median(q, 0) - drawn) < span
-    if (near & (np.abs(q - zero).min(0) > span)).all():
+    away = np.abs(q - zero).min(0) > span
+    if (near & away).all():
         which = '"*"' if np.allclose(drawn, drawn[0]) else toml_key(robot.joints[0])
         yield Finding("lengths", joints=robot.joints, which=which, drawn=float(drawn[0]))
 

@@ -380,7 +380,8 @@ class CommandedRobot:
         targets = partial(acting, log, servo, times, h, delay)
         control = remember(self.acting, (*key, delay), targets, 50)
         if log.aside is not None:
-            # A joint that is no data moves as it was measured, not behind that.
+            # A joint that is no data moves as it was measured, not behind that. Its lead is that of
+            # the first numbers: nobody judges its positions.
             lead = remember(self.acting, key, partial(self._lead, model, log, servo), 50)
             measured = np.stack([np.interp(times, log.t, x) for x in lead.T], axis=1)
             control = np.where(np.isnan(measured), control, measured)

@@ -20,6 +20,7 @@ from identifiability.estimation.verdict import (
     Class,
     Flag,
     Verdict,
+    bound_signs,
     judge,
     narrow,
     possible_interval,
@@ -91,8 +92,7 @@ def decide_model(
     moved = replace(model, estimate=replace(estimate, value=fit.value))
     impossible = forbidden | find_forbidden(moved)
     told = submodel.labels, submodel.units, torque, _aliases(estimate), impossible, stated
-    pairs = zip(judge(fit, *told), submodel.nonnegative.tolist(), strict=True)
-    verdicts = tuple(replace(v, nonnegative=signed) for v, signed in pairs)
+    verdicts = bound_signs(judge(fit, *told), submodel.nonnegative)
     return fit, verdicts, tuple(compress(submodel.columns, forbidden))
 
 
