@@ -2,8 +2,8 @@
 
 from dataclasses import asdict, field
 
-from identifiability.foundation.names import Array, Json, NumberByName, Strings
-from identifiability.foundation.values import frozen
+from identifiability.foundation.names import Array, NumberByName, Strings
+from identifiability.foundation.values import Json, frozen
 
 
 @frozen

@@ -8,7 +8,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from identifiability.foundation.names import Fields
+from identifiability.foundation.values import Fields
 
 from .options import helps
 

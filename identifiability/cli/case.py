@@ -8,8 +8,8 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identifiability.foundation.names import Fields
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
+from identifiability.foundation.values import Fields
 
 if TYPE_CHECKING:
     from identifiability.workflows.case_file import CaseFile

@@ -42,7 +42,6 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import OutputError, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Fields
 from identifiability.foundation.options import (
     AngleUnit,
     Count,
@@ -59,6 +58,7 @@ from identifiability.foundation.options import (
     check_option,
     choices,
 )
+from identifiability.foundation.values import Fields
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 
 from .case import CASE, COMMANDS, defaults_of_case

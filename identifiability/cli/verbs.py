@@ -21,7 +21,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.loading import loading
-from identifiability.foundation.names import Fields
+from identifiability.foundation.values import Fields
 
 from .case import CASE
 from .common import check_outputs, print_command, print_end, print_result, progress, write_all

@@ -15,10 +15,10 @@ import scipy
 from identifiability.effects import Part, Placed, find_family
 from identifiability.effects.effect import EXPONENT, Shaped, measure_spans
 from identifiability.foundation.linalg import RANK_TOLERANCE, or_one
-from identifiability.foundation.names import Array, Json
+from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model, Regression

@@ -11,9 +11,9 @@ from scipy.special import ndtr
 
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import Array, Json, NumberByName
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.rounding import REACH, chance_text
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 
 from .fit import OF_VALUES, Fit
 from .rules import RULES, Thresholds

@@ -15,7 +15,7 @@ from string import Formatter
 from typing import TYPE_CHECKING, Any
 
 from .errors import listing
-from .names import Json
+from .values import Json
 
 if TYPE_CHECKING:
     from .answers import Table

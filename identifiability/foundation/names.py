@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .values import frozen
+from .values import Fields, frozen
 
 # The names, units and sign constraints of parameters: one grammar, ``<owner>.<kind>``.
 
@@ -28,11 +28,6 @@ Array = NDArray[Any]
 Strings: TypeAlias = tuple[str, ...]
 NumberByName: TypeAlias = Mapping[str, float]
 ArrayByName: TypeAlias = Mapping[str, Array]
-#: An object of JSON, by its keys.
-Json: TypeAlias = dict[str, Any]
-
-#: Values by the name of a field, an argument or a column.
-Fields: TypeAlias = dict[str, Any]
 
 #: Inertial parameters of a body in Pinocchio's order: mass, first moments, and the *tensor*
 #: entries of inertia (Ixy = -∫xy dm) about the origin of the body's joint frame.

@@ -29,8 +29,7 @@ from typing import (
 from typing import get_type_hints as resolve
 
 from .errors import IdentifiabilityError, near_match, with_article
-from .names import Fields
-from .values import frozen
+from .values import Fields, frozen
 
 if TYPE_CHECKING:  # errors at the border load no library
     import numpy as np

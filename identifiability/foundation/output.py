@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import OutputError
 from .findings import Finding
-from .names import Json
 from .options import FilePath, checked
+from .values import Json
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, ClassVar
 from . import handed
 from .findings import Finding, of_key
 from .keyed import Keyed
-from .names import Json, Strings
+from .names import Strings
 from .output import check_ending, write_json
 from .presenter import in_words, present, presented
+from .values import Json
 from .wording import at_terminal, by_reader
 
 if TYPE_CHECKING:

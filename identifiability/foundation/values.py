@@ -1,4 +1,4 @@
-"""`frozen`: immutable dataclasses that stages exchange; `remember`, `once_each`: caches."""
+"""`frozen`: immutable dataclasses that stages exchange; caches; mappings `Fields` and `Json`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial, wraps
 from textwrap import shorten
-from typing import Any, Concatenate, ParamSpec, TypeVar, dataclass_transform
+from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar, dataclass_transform
+
+#: An object of JSON, by its keys.
+Json: TypeAlias = dict[str, Any]
+
+#: Values by the name of a field, an argument or a column.
+Fields: TypeAlias = dict[str, Any]
 
 # NumPy is imported where there are arrays: what is refused at once waits for no library.
 # `frozen`: what passes between stages, frozen in fact.

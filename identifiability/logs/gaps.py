@@ -14,8 +14,8 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array, Fields
-from identifiability.foundation.values import frozen
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import Fields, frozen
 
 from . import signals
 from .checks import Clock

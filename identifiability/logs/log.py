@@ -21,11 +21,11 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, Fields, Strings, numbered, shorten_paths
+from identifiability.foundation.names import Array, Strings, numbered, shorten_paths
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import shown
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, frozen
 
 from . import signals
 from .base import measure_way, read_base

@@ -16,8 +16,8 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, Fields, Strings
-from identifiability.foundation.values import frozen
+from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.values import Fields, frozen
 
 from .checks import to_floats
 from .columns import as_dates, is_stamp, rename

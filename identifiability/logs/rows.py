@@ -14,7 +14,8 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, ArrayByName, Fields
+from identifiability.foundation.names import Array, ArrayByName
+from identifiability.foundation.values import Fields
 
 #: Decisions about a long log are made on a number of windows with a number of samples each.
 WINDOWS, WINDOW = 8, 16_384

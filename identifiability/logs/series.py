@@ -23,9 +23,9 @@ import scipy
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF, TINY
-from identifiability.foundation.names import Array, Fields
+from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, frozen
 from identifiability.logs import signals
 
 from .log import Log

@@ -22,9 +22,9 @@ from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array, Json, NumberByName, name_each
+from identifiability.foundation.names import Array, NumberByName, name_each
 from identifiability.foundation.options import OptionError
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Regression

@@ -14,7 +14,8 @@ import numpy as np
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import rms_of
-from identifiability.foundation.names import Array, Fields
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import Fields
 from identifiability.logs import Log
 from identifiability.logs.checks import COMMANDS
 from identifiability.logs.commands import find_exchanged, of_commands, state_exchanged

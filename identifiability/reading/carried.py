@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict
 from identifiability.effects.base import GravityTilt
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, Fields, Json
-from identifiability.foundation.values import frozen
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import Fields, Json, frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.regression import Model

@@ -17,9 +17,9 @@ import numpy as np
 from identifiability.effects.base import GravityTilt
 from identifiability.effects.inertia import Payload
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, Fields
+from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare.preparation import has_motors, joint_log
 from identifiability.regression.structure import Structure

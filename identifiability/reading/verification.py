@@ -8,8 +8,7 @@ parts, so it must not count as evidence.
 
 import numpy as np
 
-from identifiability.foundation.names import Json
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 
 from .rules import RULES
 

@@ -24,17 +24,10 @@ from identifiability.effects.measurement import TorqueOffset
 from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF, or_one
-from identifiability.foundation.names import (
-    Array,
-    Fields,
-    Strings,
-    find_named,
-    is_pattern,
-    specificity,
-)
+from identifiability.foundation.names import Array, Strings, find_named, is_pattern, specificity
 from identifiability.foundation.options import Expected
 from identifiability.foundation.quoting import for_toml, toml_comment
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.robot import Robot
 

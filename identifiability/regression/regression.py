@@ -19,11 +19,11 @@ from identifiability.effects.inertia import RigidBody
 from identifiability.effects.registry import split_places
 from identifiability.foundation.engines import Engine, Result, Serial, Steps
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.names import Array, Fields, NumberByName, Parameter, Strings
+from identifiability.foundation.names import Array, NumberByName, Parameter, Strings
 from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.stages import Stages
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, frozen
 from identifiability.logs.prepare.dataset import Dataset, Piece
 from identifiability.logs.rows import forget
 from identifiability.robot import Motion, Robot

@@ -18,7 +18,6 @@ from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import (
     INERTIAL_KINDS,
     Array,
-    Fields,
     NumberByName,
     Renames,
     Strings,
@@ -27,6 +26,7 @@ from identifiability.foundation.names import (
 )
 from identifiability.foundation.options import Expected
 from identifiability.foundation.quoting import for_toml, option_for_shell, toml_key
+from identifiability.foundation.values import Fields
 
 from .closure import Closed, count_independent, invert, newton, stretch_home
 from .description import (

@@ -17,8 +17,8 @@ import scipy
 
 from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF, TINY
-from identifiability.foundation.names import Array, Fields, Strings
-from identifiability.foundation.values import frozen
+from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.values import Fields, frozen
 
 from .description import Axis, Cable, Coupling, Description
 from .floating import BATCH, eliminate

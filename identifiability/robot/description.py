@@ -18,16 +18,9 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import (
-    GROUPED_KINDS,
-    Array,
-    Json,
-    NumberByName,
-    Renames,
-    Strings,
-)
+from identifiability.foundation.names import GROUPED_KINDS, Array, NumberByName, Renames, Strings
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 
 from .elastic import Spring
 from .floating import SIX, Base

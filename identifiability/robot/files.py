@@ -20,9 +20,10 @@ import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Fields, find_named
+from identifiability.foundation.names import find_named
 from identifiability.foundation.options import Root, Side
 from identifiability.foundation.quoting import for_toml
+from identifiability.foundation.values import Fields
 
 from .assembly import LockOption, assemble, check_magnitudes, read_locks, resolve_locks
 from .description import Coupling, Description, Stated

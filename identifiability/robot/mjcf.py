@@ -22,8 +22,8 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import Array, Fields, NumberByName, Strings
-from identifiability.foundation.values import frozen
+from identifiability.foundation.names import Array, NumberByName, Strings
+from identifiability.foundation.values import Fields, frozen
 
 from .assembly import read_locks, resolve_locks
 from .description import FIELDS, Cable, Coupling, Loop, Stated

@@ -44,9 +44,10 @@ from identifiability.foundation.documents import Span, first_problem, read_docum
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array, Fields, Strings
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.output import check_apart, check_ending, write_text, write_together
 from identifiability.foundation.quoting import fits_xml, for_xml, for_xml_comment
+from identifiability.foundation.values import Fields
 
 from .assembly import position_limits
 from .description import Coupling, Description

@@ -20,9 +20,10 @@ import pinocchio as pin
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array, ArrayByName, Fields, NumberByName, Strings
+from identifiability.foundation.names import Array, ArrayByName, NumberByName, Strings
 from identifiability.foundation.output import write_together
 from identifiability.foundation.quoting import for_xml, for_xml_comment, toml_comment
+from identifiability.foundation.values import Fields
 
 from .closure import rest_along
 from .description import FIELDS, Axis, Description

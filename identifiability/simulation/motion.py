@@ -15,11 +15,11 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, Fields
+from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES, Period
 from identifiability.foundation.output import check_writable, temporary_folder, write_bytes
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.conventions import Conventions

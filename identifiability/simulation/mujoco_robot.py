@@ -13,8 +13,8 @@ import numpy as np
 
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array, Fields
-from identifiability.foundation.values import frozen
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import Fields, frozen
 from identifiability.robot import Robot
 from identifiability.robot.files import release_root
 from identifiability.robot.locate import check_files, drop_repeated, read_markup

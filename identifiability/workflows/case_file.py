@@ -16,9 +16,8 @@ from pydantic import AfterValidator, Field
 from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Fields
 from identifiability.foundation.options import AngleUnit, Derivatives, Root, Side, TimeUnit
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, frozen
 from identifiability.robot import Robot
 from identifiability.robot.description import Bound
 from identifiability.robot.locate import shipped_robots

@@ -11,13 +11,13 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, name_estimates
-from identifiability.foundation.names import Array, Json, Strings
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.runs import Run
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare import Preparation
 from identifiability.quality.recordings import Logs, Recordings

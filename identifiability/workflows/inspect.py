@@ -16,13 +16,13 @@ from identifiability.effects.nominal import has_masses
 from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.names import Array, Json, Strings, name_each
+from identifiability.foundation.names import Array, Strings, name_each
 from identifiability.foundation.options import checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Progress, Run, quiet, running
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
 from identifiability.logs.conventions import Conventions

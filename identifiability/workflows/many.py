@@ -14,12 +14,11 @@ from typing import Any, Literal, get_type_hints
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Fields, Json
 from identifiability.foundation.options import FilePath, OptionError, check_option, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Progress, quiet, running
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, Json, frozen
 from identifiability.foundation.wording import at_terminal
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.tables import is_log_file, write_table

@@ -30,8 +30,6 @@ from identifiability.foundation.names import (
     GROUPED_KINDS,
     INERTIAL_KINDS,
     Array,
-    Fields,
-    Json,
     Strings,
     name_each,
 )
@@ -42,7 +40,7 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import Run
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, Json, frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import require_signal

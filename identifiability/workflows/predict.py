@@ -27,13 +27,13 @@ from identifiability.foundation.errors import IdentifiabilityError, ModelError, 
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
 from identifiability.foundation.linalg import rms_of, root_diagonal
-from identifiability.foundation.names import BASE, Array, Fields, Json, NumberByName, Strings
+from identifiability.foundation.names import BASE, Array, NumberByName, Strings
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import Run
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, Json, frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import has_commands, of_commands
 from identifiability.logs.conventions import Conventions

@@ -19,10 +19,10 @@ from scipy.ndimage import correlate1d
 from identifiability.foundation.engines import Engine, Serial, Steps
 from identifiability.foundation.errors import ClosureError, LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, of_key
-from identifiability.foundation.names import Array, Fields, Strings
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import checked
 from identifiability.foundation.rounding import percent
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
 from identifiability.logs.rows import WINDOW, divide_rows, find_range, forget, gather, is_long

@@ -13,7 +13,8 @@ from typing import TypeAlias
 import numpy as np
 
 from identifiability.foundation.errors import ClosureError
-from identifiability.foundation.names import Array, Fields
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import Fields
 from identifiability.logs import Log, signals
 from identifiability.logs.base import UP
 from identifiability.logs.rules import RULES

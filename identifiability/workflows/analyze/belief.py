@@ -17,9 +17,9 @@ from identifiability.estimation.verdict import Flag, Verdict, narrow
 from identifiability.foundation.engines import Steps
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import Array, Json
+from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.physical.feasibility import check_bodies, find_impossible_bodies
 from identifiability.physical.fitted_model import FittedModel, LeastSquares
 from identifiability.physical.project import project

@@ -29,11 +29,11 @@ from identifiability.foundation import handed
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Json, Strings, name_each
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings, name_each
 from identifiability.foundation.options import OptionError, check_choice
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.logs.prepare.dataset import Dataset, Samples
 from identifiability.physical.cad_prior import real_robot_dict, state_mass
 from identifiability.physical.feasibility import PhysicalResult

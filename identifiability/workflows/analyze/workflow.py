@@ -26,7 +26,6 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Fields
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -38,6 +37,7 @@ from identifiability.foundation.options import (
 from identifiability.foundation.rounding import REACH, join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import First, Progress, Run, quiet, running, share
+from identifiability.foundation.values import Fields
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band

@@ -14,13 +14,12 @@ import numpy as np
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import Json
 from identifiability.foundation.options import Repeated, Replicates, Seed, checked, resolve_count
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.runs import Progress, quiet, share
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.result import ModelResult
 

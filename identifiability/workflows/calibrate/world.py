@@ -28,9 +28,9 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import filter_from_rest, rms_of, solve_least
-from identifiability.foundation.names import Array, Json, Strings
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.instruments import add_instrument, noise_again

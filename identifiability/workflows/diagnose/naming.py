@@ -41,9 +41,9 @@ from identifiability.estimation.search import (
     name_terms,
 )
 from identifiability.foundation.linalg import scan_columns
-from identifiability.foundation.names import Array, Fields, Parameter, name_each
+from identifiability.foundation.names import Array, Parameter, name_each
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.quality.hints import leave_out_rows

@@ -20,11 +20,11 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.names import Array, Json, NumberByName, Strings, name_each
+from identifiability.foundation.names import Array, NumberByName, Strings, name_each
 from identifiability.foundation.output import write_text
 from identifiability.foundation.presenter import present, presented
 from identifiability.foundation.result import Result
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.logs.prepare import Preparation, Samples
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
 from identifiability.physical.feasibility import PhysicalResult

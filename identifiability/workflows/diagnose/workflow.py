@@ -27,10 +27,10 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY, rms_of, solve_least
-from identifiability.foundation.names import Array, Fields, Json, Strings
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.runs import First, Progress, Run, quiet
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, Json, frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation, Samples
 from identifiability.logs.prepare.dataset import require_signal

@@ -22,13 +22,13 @@ from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY, TINY, root_diagonal
-from identifiability.foundation.names import Array, Json, Strings, name_each
+from identifiability.foundation.names import Array, Strings, name_each
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import Progress, Run, quiet
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.excerpt import prepare_excerpt

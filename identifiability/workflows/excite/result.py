@@ -15,12 +15,12 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array, Json, Strings
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
 

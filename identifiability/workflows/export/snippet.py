@@ -14,9 +14,10 @@ import numpy as np
 
 from identifiability.effects import FAMILIES, AlongAxes
 from identifiability.effects.effect import POSTURES, RESTS, SPEEDS
-from identifiability.foundation.names import Array, Json
+from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.quoting import for_python
+from identifiability.foundation.values import Json
 from identifiability.robot import Robot
 from identifiability.robot.description import Axis
 from identifiability.simulation.motion import usual_limits

@@ -5,9 +5,8 @@ from pathlib import Path
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import percent_of
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import Json
 from identifiability.foundation.output import write_text
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Json, frozen
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderSource,

@@ -25,7 +25,6 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, near_match
 from identifiability.foundation.findings import of_key, phrase
-from identifiability.foundation.names import Fields
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -35,7 +34,7 @@ from identifiability.foundation.options import (
     resolve_count,
 )
 from identifiability.foundation.runs import Progress, Run, quiet, running
-from identifiability.foundation.values import frozen
+from identifiability.foundation.values import Fields, frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
 from identifiability.physical.feasibility import PhysicalResult, certify_model

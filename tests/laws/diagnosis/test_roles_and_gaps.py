@@ -76,4 +76,3 @@ def test_the_gap_in_motion_is_the_mean_share_at_the_end_of_stretches():
     nothing = ForwardGap.none("why")
     assert not nothing.measured
     assert np.isnan(nothing.error_before)
-    assert nothing.statement == ""
