@@ -186,15 +186,18 @@ def test_torque_of_rows_in_which_a_rollout_turns_elsewhere_has_the_friction_of_t
 
 def test_bodies_that_motion_does_not_determine_hide_no_wrong_scale():
     def exceeds(larger, sd):
-        problem = SimpleNamespace(shares=dict.fromkeys("abcdef", 0.2), bodies=slice(6))
+        shares = dict.fromkeys(range(len(sd)), 0.2)
+        problem = SimpleNamespace(shares=shares, bodies=slice(len(sd)))
         sizes = {"sizes": 0.5 * np.array(larger)}
         rolled = SimpleNamespace(search=(problem,), unsure=0.5 * np.array(sd), numbers=sizes)
-        mean, chance = compare_bodies(rolled)
+        mean, chance, _ = compare_bodies(rolled)
         return abs(mean) > chance
 
     larger, sd = np.repeat([[-0.2, 0.3], [0.25, 0.05]], [4, 2], axis=1)
     assert exceeds(larger, sd)
     assert not exceeds(larger, 0 * sd)
+    # All bodies of a quadruped by 23 %, beyond what errors of single bodies make.
+    assert exceeds([0.21] * 13, [0.02] * 13)
     # A file whose bodies are 13 % too light, and gains that are right.
     assert not exceeds([0.0, 0.23, 0.38, 0.16, -0.01, 0.0], [0.2, 0.12, 0.12, 0.14, 0.08, 0.13])
 

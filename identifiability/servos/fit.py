@@ -244,12 +244,13 @@ def follows_better(robot: Robot, logs: Sequence[Log], found: Rollouts, other: Nu
     return bool(np.sum(np.log(theirs[moves] / ours[moves])) > 0)
 
 
-def compare_bodies(found: Rollouts) -> tuple[float, float]:
-    """Return the mean log ratio of masses to the file's, and how large it may be by chance (95 %).
+def compare_bodies(found: Rollouts) -> tuple[float, float, float]:
+    """Return the mean log ratio of masses to the file's, how large it may be, and its error.
 
     Commands and positions determine only ratios of gain and mass: gains that are too high make all
     bodies heavier. A file may err in each body by its share, or in all alike. Errors of the mean,
-    by rollouts and by how bodies differ, add to the latter.
+    by rollouts and by how bodies differ, add to the latter. Many bodies that are heavier by nearly
+    the same ratio tell of gains, although all may err alike: the error (1 σ) allows for that.
     """
     problem = found.search[0]
     shares = np.array([*problem.shares.values()])
@@ -258,15 +259,18 @@ def compare_bodies(found: Rollouts) -> tuple[float, float]:
     by_rollouts = np.maximum(1 - (sd / shares) ** 2, 0.0)
     precision = by_rollouts / shares**2
     if by_rollouts.sum() < 0.5:  # of one body: nearly all is prior knowledge
-        return 0.0, np.inf
+        return 0.0, np.inf, np.inf
     weights = precision / precision.sum()
     ratios = 2.0 * found.numbers["sizes"] / or_one(by_rollouts)
     mean = float(weights @ ratios)
     variances = (ratios - mean) ** 2 + sd**2 / or_one(by_rollouts)
     error = np.sqrt(weights**2 @ variances)
     share = np.sqrt(by_rollouts.sum() / precision.sum())
+    alike = share + error
     by_chance = REACH / np.sqrt(precision.sum())
-    return mean, float(max(share + error, by_chance))
+    surely_more = np.sqrt(2.0 * RULES.rival / precision.sum())
+    largest = max(by_chance, min(alike, surely_more))
+    return mean, float(largest), float(max(alike, by_chance) / REACH)
 
 
 def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:
@@ -276,7 +280,7 @@ def divide_gains(found: Rollouts) -> tuple[Rollouts, float]:
     on the factor, too, so that further steps, each half as long, follow as long as they gain.
     """
     problem = found.search[0]
-    step, _ = compare_bodies(found)
+    step, *_ = compare_bodies(found)
     factor = np.exp(step)
     divided = _divide_once(found, factor)
     servo = divided.search[0].machine.servo.having(divided.numbers)

@@ -15,7 +15,6 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array, NumberByName
-from identifiability.foundation.rounding import REACH
 from identifiability.foundation.runs import First, Progress
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -241,14 +240,17 @@ def identify_servos(
     robot = replace(robot, servo=servo)
     text = filter(None, [check_found(robot, logs, found), state_servos(robot, logs, found)])
     scale = list[Finding]()
-    larger, chance = compare_bodies(found)
+    larger, chance, error = compare_bodies(found)
     # Gains that logs determined have the scale of the file's bodies already.
     if not (servo.rolled or servo.kept) and abs(larger) > chance:
         found, factor = divide_gains(found)
         scale = [Finding("gains_scale", servo.source, factor=factor)]
         servo = with_numbers(servo.divided(factor), found)
         alike = np.concatenate([servo.integral, servo.kv, np.ones(len(servo.kp))])
-        servo = replace(servo, doubt=np.vstack([servo.doubt, chance / REACH * alike]))
+        # Whether kv is as wrong as kp is unknown: viscous friction replaces it.
+        of_kv = np.concatenate([0.0 * servo.integral, servo.kv, 0.0 * servo.kp])
+        doubt = [servo.doubt, error * alike, (factor - 1.0) * of_kv]
+        servo = replace(servo, doubt=np.vstack(doubt))
         robot = replace(robot, servo=servo)
     rivals += servo.doubted
     return IdentifiedServos(robot, found, tuple(rivals), (*odd, *scale), " ".join(text))

@@ -368,8 +368,11 @@ def _find_rare_limits(problem: RolloutProblem, end: SearchEnd) -> Iterator[Expla
     """Yield limits of torque that few windows reach, and vary them from then on.
 
     These windows err three times as much as others, so they have little weight in all other
-    searches. Each limit is fitted to them alone. It must not contradict the other windows.
+    searches. Each limit is fitted to them alone. It must not contradict the other windows. Gains
+    must be stated: fitted ones follow limits that are none.
     """
+    if problem.varied[problem.at("kp")].any():
+        return
     short = copy(problem)
     short.windows = split_windows(problem.windows)
     for joint in np.argsort(-problem.errors(end.q)):
