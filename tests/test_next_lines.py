@@ -291,7 +291,7 @@ def test_a_terminal_shows_no_number_column_or_next_line_that_the_page_has_not(
     if "result.json" in typed:
         call(shlex.split("analyze robot.xml a.csv --set replicates=0 --json result.json"))
     shown = []
-    monkeypatch.setattr(common, "print_table", lambda t, rows, _: shown.append(t.brief(rows)))
+    monkeypatch.setattr(common, "print_table", lambda t, rows, *_: shown.append(t.brief(rows)))
     said = call([*shlex.split(typed), "-v"])
     page = (folder / ("page.html" if "page" in typed else "out/index.html")).read_text()
     cells = Cells()
