@@ -145,12 +145,14 @@ def many_columns(path):
 
 
 def chunks_in_mcap(path):
+    pytest.importorskip("rosbags", reason="needs the extra 'ros'")
     size = (4_000_000_000).to_bytes(8, "little")
     chunk = bytes(16) + size + bytes(4) + (4).to_bytes(4, "little") + b"zstd" + bytes(8)
     path.write_bytes(b"\x89MCAP0\r\n" + b"\x06" + len(chunk).to_bytes(8, "little") + chunk)
 
 
 def chunks_in_bag(path):
+    pytest.importorskip("rosbags", reason="needs the extra 'ros'")
     fields = [b"op=\x05", b"compression=bz2", b"size=\xff\xff\xff\xf0"]
     header = b"".join(len(f).to_bytes(4, "little") + f for f in fields)
     content = len(header).to_bytes(4, "little") + header + (8).to_bytes(4, "little") + bytes(8)

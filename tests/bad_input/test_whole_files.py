@@ -36,6 +36,8 @@ def written(results, tmp_path):
     """A function (kind) -> a function that writes such a file, and the file."""
 
     def build(kind):
+        if kind == "motion bag":
+            pytest.importorskip("rosbags", reason="needs the extra 'ros'")
         arm = Robot.load("six-dof-arm" if kind in ("urdf", "sidecar") else "two-link")
         robot = tmp_path / ("out.xml" if kind == "xml" else "out.urdf")
         six = Robot.load("six-dof-arm")
