@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from identifiability import Thresholds
 from identifiability.estimation.fit import ScoreScatter
 from identifiability.estimation.verdict import Flag, judge, narrow, to_row
+from identifiability.report.answers.common import sentence
 
 from .made import fit_known, fit_of
 
@@ -108,6 +109,8 @@ def test_the_ninety_five_percent_interval_is_so_many_robust_deviations():
         [friction.interval95, to_row(friction.to_row()).interval], [[0, 1.48]] * 2, rtol=1e-3
     )
     assert replace(friction, value=-3.0).interval95[0] < -3  # the model is contradicted
+    shown = sentence("values", "most", high=friction.interval95[1], unit="N")
+    assert shown == "at most 1.5 N (95 %)"
     assert row["sigma_robust_percent"] == pytest.approx(100 * 0.5 / 3)
     assert row["sigma_percent"] == pytest.approx(100 * 0.1 / 3)
 
