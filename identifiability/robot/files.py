@@ -8,9 +8,10 @@ import os
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -120,7 +121,8 @@ def _read_urdf(path: Path, root: Element, extra: Sidecar) -> Stated:
     coupled = {c.joint for c in couplings}
     carriers = tuple(k for k in range(1, model.njoints) if k not in gone)
     home = np.array(pin.neutral(model))
-    driven = [name for name in joints if name in tree.single and name not in coupled]
+    driven = [name for name in tree.single if name not in coupled]
+    driven.sort(key=partial(_place_of, model, [*joints]))
     return Stated(
         model=model,
         tree=tree,
@@ -133,6 +135,20 @@ def _read_urdf(path: Path, root: Element, extra: Sidecar) -> Stated:
         base=base,
         **_read_limits(model, tree),
     )
+
+
+def _place_of(model: Any, listed: Sequence[str], name: str) -> list[int]:
+    """Return where the file lists a joint, behind those that carry it.
+
+    A file may list a chain from its tip. The parser sorts siblings by name, and the file does not.
+    """
+    at = model.getJointId(name)
+    places = list[int]()
+    while at > 0:
+        carrier = model.names[at]
+        places.insert(0, listed.index(carrier) if carrier in listed else -1)
+        at = model.parents[at]
+    return places
 
 
 def _build_model(path: Path, root: Element) -> Any:

@@ -68,8 +68,11 @@ def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load
         load("</robot>", hand)
     assert "did you mean 'elbow'?" in str(error.value)
     assert "[[couplings]]" in str(error.value)
-    aside = hand.replace('"arm"', '"ground"').replace('<mimic joint="elbo"/>', LIMIT)
+    free = hand.replace('<mimic joint="elbo"/>', LIMIT)
+    aside = free.replace('"arm"', '"ground"')
     assert load("</robot>", aside.replace("wrist", "aside")).joints == ("elbow", "aside")
+    first = '<joint name="elbow"'  # a file may list a chain from its tip
+    assert load(first, free.removesuffix("</robot>") + first).joints == ("elbow", "wrist")
     robot = load("</robot>", hand, '[[couplings]]\njoint = "wrist"\nof = "elbow"\n')
     assert robot.joints == ("elbow",)
     assert robot.passive == ("wrist",)
