@@ -271,9 +271,9 @@ def _simplify_families(search: Search, best: Terms) -> Terms:
 
     A family everywhere may replace different effects of several joints, and a search would not find
     its way back. So further searches have smaller groups alone. The evidence decides, and fewer
-    parameters if it is about equal. Noise is that beside the families, which leave the least
-    torque. A family has paid the price of the effects of which it consists. Some joints of one
-    family are no other effects: those that keep its name are chosen later.
+    parameters if it is about equal. The noise is kept from the search with families, which leave
+    the least torque. A family has paid the price of the effects of which it consists. Some joints
+    of one family are no other effects: those that keep its name are chosen later.
     """
     model = search.model
     most = model.total_odds(best)
@@ -298,6 +298,7 @@ def _width(group: Group) -> int:
 
 
 def _families_of(terms: Terms) -> set[str]:
+    """Return the families of missing effects."""
     return {t.group.family for t in terms}
 
 

@@ -339,7 +339,10 @@ class Projection:
         return Program(scale, free, along, stiff, rows @ along, rows @ free - least, chains, held)
 
     def _hold(self, data: LeastSquares) -> Fixed:
-        """Return the combinations that keep their values, and what no data tell, as of rest."""
+        """Return the combinations that keep their values, and the parameters without data.
+
+        No data tell the friction of a joint that stands.
+        """
         held = self.fixed or Fixed.none(self.region.size)
         unseen = ~(self.region.inertial | data.R.any(axis=0) | held.rows.any(axis=0))
         least = np.where(self.region.nonnegative, 0.0, -np.inf)

@@ -254,14 +254,18 @@ def find_lengths(logs: MeasuredLogs) -> Iterator[Finding]:
 
 
 def measure_legs(robot: Robot) -> Array:
-    """Return how far apart the ends of each leg are drawn where its slide is at zero, (n,) [m]."""
+    """Return how far apart the ends of each leg are drawn where its slide is at zero, (n,) [m].
+
+    Of a slide behind which no joint follows and no loop closes, such as a finger, it is NaN.
+    """
     tree = robot.tree.joints
     ends = {joint.parent: joint.translation for joint in tree}
     ends |= {p.joint: p.position for loop in robot.loops for p in (loop.first, loop.second)}
     legs = {
         j.dofs[0]: j.translation + j.rotation @ ends[k] for k, j in enumerate(tree) if k in ends
     }
-    return np.linalg.norm([legs[name] for name in robot.joints], axis=1)
+    none = np.full(3, np.nan)
+    return np.linalg.norm([legs.get(name, none) for name in robot.joints], axis=1)
 
 
 @check("still", Does.HINTS, always=True)

@@ -369,7 +369,7 @@ def _find_rare_limits(problem: RolloutProblem, end: SearchEnd) -> Iterator[Expla
 
     These windows err three times as much as others, so they have little weight in all other
     searches. Each limit is fitted to them alone. It must not contradict the other windows. Gains
-    must be stated: fitted ones follow limits that are none.
+    must be stated: a false limit and a fitted gain can explain such windows together.
     """
     if problem.varied[problem.at("kp")].any():
         return

@@ -7,6 +7,7 @@ import pytest
 
 from identifiability import Robot, analyze, prepare_log
 from identifiability.quality import MeasuredLogs, find_oddities
+from identifiability.quality.hints import measure_legs
 from identifiability.quality.registry import CHECKS, Does, check
 from identifiability.regression.structure import Structure
 
@@ -39,6 +40,17 @@ def test_lengths_of_legs_that_are_drawn_at_zero(say, tmp_path):
     (hint,) = say(structure, log)
     assert hint.endswith('"*" = {offset = -0.7}.')
     assert say(structure, replace(log, q=log.q - 0.7)) == ()
+    inertia = '<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>'
+    finger = f'<body name="finger"><joint name="jaw" type="slide"/>{inertia}</body>'
+    for old, new in (
+        ("<worldbody>", f"<worldbody>{finger}"),
+        ('qpos="', 'qpos="0 '),
+        ("</actuator>", '<motor joint="jaw"/></actuator>'),
+    ):
+        drawn = drawn.replace(old, new)
+    (tmp_path / "legs.xml").write_text(drawn, encoding="utf-8")
+    legs = measure_legs(Robot.load(tmp_path / "legs.xml"))
+    assert sorted(np.isnan(legs)) == [False] * 3 + [True]
 
 
 def test_a_check_of_ones_own_is_one_function(six_axis):
