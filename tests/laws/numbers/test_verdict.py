@@ -110,7 +110,7 @@ def test_the_ninety_five_percent_interval_is_so_many_robust_deviations():
     )
     assert replace(friction, value=-3.0).interval95[0] < -3  # the model is contradicted
     shown = sentence("values", "most", high=friction.interval95[1], unit="N")
-    assert shown == "at most 1.5 N (95 %)"
+    assert shown == "≤ 1.5 N"
     assert row["sigma_robust_percent"] == pytest.approx(100 * 0.5 / 3)
     assert row["sigma_percent"] == pytest.approx(100 * 0.1 / 3)
 
