@@ -405,7 +405,8 @@ def excitation_sections(result: Excitation) -> list[Section]:
         measured=measured,
     )
     return [
-        section("excitation.motion", *_motion(result), result.tables()[0]),
+        section("excitation.ranges", *result.tables()),
+        section("excitation.motion", *_motion(result)),
         section("excitation.method", Prose(tuple(text.values()))),
     ]
 
@@ -509,18 +510,18 @@ def _robot(result: Inspection) -> list[Section]:
     beside = sentence("inspection.motors", motors=motors) if motors else None
     base = result.base
     groups = zip(base.names, base.units, base.labels, strict=True)
-    joint_section = section("inspection.joints", phrase("needs", "naming"), joints)
     effects = ", ".join(result.effects).replace("_", " ").replace("coulomb", "Coulomb")
     parameters = section(
         "inspection.parameters",
+        phrase("needs", "naming"),
         make_table("grouped", groups),
         count=base.rank,
         standard=len(base.parameters),
         effects=effects,
     )
     found = [
-        joint_section,
-        section("inspection.columns", beside),
+        section("inspection.joints", joints),
+        section("inspection.columns", ", ".join(result.columns), beside),
         parameters,
     ]
     if result.needs:
@@ -565,6 +566,16 @@ def payload_moving(result: Load) -> Moving | None:
         how="load",
         load=load,
     )
+
+
+def payload_below(result: Load) -> Picture | None:
+    """Return the gains that a known load determines."""
+    gains = [g for g in result.gains if g.told]
+    if not gains:
+        return None
+    values, halves = np.array([(g.value, g.half) for g in gains]).T
+    label = "one unit of the torque column [N·m or N]"
+    return picture("gains", draw_intervals([g.name for g in gains], values, halves, label, 1.0))
 
 
 def payload_sections(result: Load) -> list[Section | None]:

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import for_svg
-from identifiability.foundation.rounding import format_number
+from identifiability.foundation.rounding import NONE, format_number
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import WORLD, Joint, Point, shortest_turn
 
@@ -364,7 +364,7 @@ def _state_sizes(x: Array, how: str, unit: str) -> list[str]:
     word = how if how in WORDS[about] else "missed"
     sizes = x if word in ("changed", "hangs") else np.abs(x)
     texts = (f"{format_number(size, 2)}\N{NO-BREAK SPACE}{unit}" for size in sizes)
-    return [sentence(about, "none" if "nan" in text else word, size=text) for text in texts]
+    return [sentence(about, "none" if NONE in text else word, size=text) for text in texts]
 
 
 def _directions(robot: Robot) -> Array:

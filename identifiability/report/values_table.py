@@ -51,12 +51,17 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
         "moved": [rows_of.show_moved(place) for place in places],
         "m": [rows_of.show_mass(masses.get(bodies.get(place, ""))) for place in places],
     }
+    sums |= {kind: [rows_of.show(f"{place}.{kind}") for place in places] for kind in kinds}
     # A column without a value is one sentence.
     cells = {kind: each for kind, each in sums.items() if any(cell.badge for cell in each)}
-    caption = "caption" if "m" in cells or not masses else "massless"
-    cells |= {kind: [rows_of.show(f"{place}.{kind}") for place in places] for kind in kinds}
-    absent = {sentence("values", "absent")}
-    cells = {kind: each for kind, each in cells.items() if {cell.note for cell in each} != absent}
+    if not cells:
+        return None
+    none = {"", sentence("values", "absent")}
+    lost = [k for k, each in sums.items() if k not in cells and {x.note for x in each} - none]
+    titles = [column.title for column in kind_columns(robot, lost)[1:]]
+    caption = sentence("values", "lost", lost=titles, section=parameters) if lost else ""
+    if doubts := [*rows_of.doubts]:
+        caption += sentence("values", "doubts", each=doubts)
     columns = kind_columns(robot, [*cells])
     gains = [Cell(", ".join(list_gains(servo, place))) for place in places]
     names = [Cell(x, note=sentence("values", "passive") if x in passive else "") for x in places]
@@ -65,7 +70,7 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
         columns.append(Column(sentence("values", "gains")))
         each.append(gains)
     rows = [*zip(*each, strict=True)]
-    return Table.of(sentence("values", caption, section=parameters), columns, rows)
+    return Table.of(caption.strip(), columns, rows)
 
 
 def offset_table(result: Laddered[Any]) -> Table | None:
@@ -117,6 +122,7 @@ class _ModelRows:
         self.known = {v.name: (v, used, why) for v, used, why in each}
         self.missing = chosen.fit.alternatives
         self.lacked = result.missing.functions
+        self.doubts: dict[str, None] = {}
 
     def have(self, kind: str) -> bool:
         """Return whether the model, or the unpruned one, has parameters of a kind."""
@@ -156,8 +162,8 @@ class _ModelRows:
             chance = chance_text(missing.chance[k])
             return sentence("values", "rare", effect=effect, value=other, chance=chance)
         lacks = "lacks" if effect in self.lacked else "may lack"
-        effect = shorten_places(effect)
-        return sentence("values", "doubt", effect=effect, lacks=lacks)
+        self.doubts[f"{lacks} {shorten_places(effect)}"] = None
+        return sentence("values", "doubt")
 
     def show_moved(self, place: str) -> Cell:
         """Return the mass that a sliding joint of a tree moves, by the logs and by the file."""

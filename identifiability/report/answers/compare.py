@@ -141,13 +141,15 @@ class ComparisonPresenter(AnsweringPresenter):
         """Return a row for each number that changed, then the least changes that would show."""
         every = (part for change in self.result.changes for part in change.parts or (change,))
         changed = [row for change in every for row in _change_rows(change)]
+        bodies = [c for c in self.result.changes if np.isfinite(c.centre[0]).all()]
+        loads = [make_table("comparison_load", _load_rows(c), place=c.place) for c in bodies]
         limits = _limit_table(self.result.limits)
         if not changed:
             return (limits,)
         table = make_table("comparison", changed)
         columns = zip(table.columns, *table.rows, strict=True)
         empty = [c.title for c, *cells in columns if not any(cell.text for cell in cells)]
-        return table.without(*empty), limits
+        return table.without(*empty), *loads, limits
 
     def frame(self) -> pd.DataFrame:
         """Return one row a number: its change with interval, or the least that would be seen."""
@@ -318,8 +320,11 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
 
 def table_changes(changes: Sequence[Change], caption: str) -> Table:
     """Return the numbers that changed while a log was recorded as a table."""
-    shown = ["what", "name", "change", "low", "high", "unit", "log_odds", "logs", "or"]
-    frame = frame_changes(changes)[shown]
+    shown = ["what", "name", "change", "log_odds", "logs", "or"]
+    frame = frame_changes(changes)
+    each = frame[["change", "high", "unit"]].itertuples(index=False)
+    frame["change"] = [measured(size, (high - size) / REACH, unit) for size, high, unit in each]
+    frame = frame[shown]
     frame = frame.loc[:, (frame != "").any()]  # no alternatives are named unless there are some
     frame["log_odds"] = frame["log_odds"].map(probability_text)
     return frame_table(frame.rename(columns={"log_odds": "probability", "logs": "in"}), caption)
@@ -338,8 +343,8 @@ def _title(change: Change | Unchanged) -> str:
 def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     """Yield the rows of a change: its torque and probability, then its numbers.
 
-    Of the numbers they are the first, and others whose intervals exclude zero. A load has its
-    centre and its moments about it, as of `payload`. The probability of a change of several joints
+    Of the numbers they are the first, and others whose intervals exclude zero. A load has a table
+    of its centre and its moments about it. The probability of a change of several joints
     is none of a joint whose share in it the motion does not show.
     """
     probability = probability_text(change.odds) if _is_felt(change) else ""
@@ -349,7 +354,6 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     yield capital(change.what), *(_state_number(change, 0) if single else ("",) * 3), *more
     none = ("",) * len(more)
     if np.isfinite(change.centre[0]).all():
-        yield from ((*row, *none) for row in _load_rows(change))
         return
     for k, name in enumerate(change.names):
         if k and abs(change.sizes[k]) <= REACH * change.sd[k]:
@@ -358,10 +362,9 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
             yield name, *_state_number(change, k), *none
 
 
-def _load_rows(change: Change) -> Iterator[tuple[str, str, str, str]]:
+def _load_rows(change: Change) -> Iterator[tuple[str, str]]:
     """Yield the coordinates of the centre of a load that changed, then its moments about it."""
     unknown = sentence("comparison.seen", "unknown")
-    name = f"{change.place} load"
     for quantity, x, sd in [*zip(QUANTITIES, *change.body, strict=True)][1:]:
         high = x + REACH * sd
         if quantity.startswith("centre"):
@@ -372,7 +375,7 @@ def _load_rows(change: Change) -> Iterator[tuple[str, str, str, str]]:
             size = sentence("payload.tables", "below", high=high, unit=QUANTITIES[quantity])
         else:
             size = unknown
-        yield f"{name} {quantity}", "", "", size
+        yield quantity, size
 
 
 def _is_felt(change: Change) -> bool:
@@ -405,15 +408,18 @@ def _state_number(change: Change, k: int) -> tuple[str, str, str]:
 
 
 def _limit_table(unchanged: Sequence[Unchanged]) -> Table:
-    """Return a row for each joint or body that did not change: the least change of each kind."""
-    titles = dict.fromkeys(map(_title, unchanged))
-    places = dict.fromkeys(number.place for number in unchanged)
-    limits = {(x.place, _title(x)): _limit_cell(x) for x in unchanged}
+    """Return a row for each joint that did not change: the least change of each kind.
+
+    Loads are in the caption.
+    """
+    loads = "".join(f"; load of {x.place}: {_least(x)}" for x in unchanged if x.kind == "load")
+    limits = {(x.place, _title(x)): _limit_cell(x) for x in unchanged if x.kind != "load"}
+    places, titles = (dict.fromkeys(x) for x in zip(*limits, strict=True)) if limits else ((), ())
     rows = [
         (place, *(limits.get((place, title), Cell("")) for title in titles)) for place in places
     ]
-    more = [Column(title) for title in titles]
-    return make_table("comparison_limits", rows, more=more)
+    more = [Column(title, "number") for title in titles]
+    return make_table("comparison_limits", rows, more=more, loads=loads)
 
 
 def _limit_cell(number: Unchanged) -> Cell:

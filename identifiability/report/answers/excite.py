@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import title_of
-from identifiability.foundation.answers import Answer, Cell, Table
+from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
@@ -20,7 +20,7 @@ from identifiability.workflows.excite.limits import BEYOND
 
 from .commands import name_logs
 from .common import AnsweringPresenter, Command, answer, command, join_sentences, sentence
-from .tables import make_table
+from .tables import make_table, span_cell
 
 if TYPE_CHECKING:
     from identifiability.workflows.excite.next_motion import NextMotion
@@ -51,10 +51,8 @@ class ExcitationPresenter(AnsweringPresenter):
         """Return one row a joint."""
         rows = self.result.to_frame().to_dict("records")
         for row in rows:
-            low = row["lower_limit"]
-            high = row["upper_limit"]
-            text = f"{format_number(low, 3)} … {format_number(high, 3)}"
-            row["range"] = Cell(text, high - low)
+            row["position"] = span_cell(row["least"], row["largest"])
+            row["range"] = span_cell(row["lower_limit"], row["upper_limit"])
         return (make_table("motion", rows),)
 
     def statement(self) -> str:

@@ -258,4 +258,5 @@ def joint_table(result: Inspection) -> Table:
 def _joint_row(joint: JointFact) -> dict[str, Any]:
     """Return a joint of the robot file as one row of a table."""
     kind = f"{joint.kind} [{joint.unit}]" if joint.kind else NONE
-    return {**asdict(joint), "role": Cell(joint.role, note=joint.remark), "kind": kind}
+    role = Cell(joint.role, note=joint.remark)
+    return {**asdict(joint), "role": role, "kind": kind, "limits": span_cell(joint.low, joint.high)}

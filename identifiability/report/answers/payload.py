@@ -55,7 +55,8 @@ class LoadPresenter(AnsweringPresenter):
         held = "".join(f" --without {path_for_shell(path)}" for path in result.without)
         out = []
         if fit and (lines := diagnose_lines(fit)):
-            again = f"payload {self.robot} refit.json {logs} {body}{held} --report load.html"
+            mass = "" if result.known is None else f" --mass {result.known:g}"
+            again = f"payload {self.robot} refit.json {logs} {body}{held}{mass} --report load.html"
             line = " && identifiability ".join((*lines, again))
             out = [command("weigh_again", line, names=fit.missing, count=fit.missing)]
         if not (result.without or result.gains):
@@ -86,7 +87,6 @@ class LoadPresenter(AnsweringPresenter):
         """Return one row a quantity, or a joint whose gain a known load tells."""
         result = self.result
         part = "quantities" if result.known is None else "gains"
-        digits = 3 if result.known is None else 4
         shown = result.stated if result.known is None else result.gains
         rows = []
         for q in shown:
@@ -94,7 +94,7 @@ class LoadPresenter(AnsweringPresenter):
             value = measured(times * q.value, times * q.sigma, unit) if q.told else NONE
             row = result[q.name]
             word = said = row.verdict
-            ends = span_cell(times * q.low, times * q.high, unit, digits)
+            ends = span_cell(times * q.low, times * q.high, unit)
             if _is_bounded(q):
                 ends, said = _bound_cell(q.high, unit), sentence("payload.known", "limit")
             rows.append((q.name, value, ends, Cell(said, word, row.reason, word)))
@@ -165,12 +165,13 @@ def _state_load(result: Load) -> str:
 
 
 def _state_gains(result: Load) -> str:
-    """Return the gains of torque columns by a mass that is known, in one sentence."""
-    sure = [g for g in result.gains if g.told]
+    """Return the least and the largest gain by a mass that is known, in one sentence."""
+    sure = sorted((g for g in result.gains if g.told), key=lambda g: g.value)
     if not sure:
         return sentence("payload.unit", "none")
-    each = [f"{g.value:.4g} ({g.low:.4g} … {g.high:.4g}) {g.unit} at {g.name}" for g in sure]
-    return sentence("payload.unit", "some", mass=result.known, gains=each)
+    each = [f"{format_measured(g.value, g.sigma)[0]} {g.unit} ({g.name})" for g in sure]
+    ends = dict.fromkeys((each[0], each[-1]))
+    return sentence("payload.unit", "some", mass=result.known, gains=" … ".join(ends))
 
 
 def _answer_load(result: Load) -> Answer:
@@ -261,12 +262,15 @@ def _answer_trust(result: Load) -> Answer:
 
 
 def _answer_gains(result: Load) -> Answer:
-    """Return the gain of each torque column."""
+    """Return the gains of torque columns, and those that a column in N·m or N does not have."""
+    off = [g.name for g in result.gains if g.told and not g.low < 1 < g.high]
     unknown = {g.name: g.why for g in result.gains if not g.told}
     parts = []
     for part in ("load", "motors"):
         joints = [name for name, why in unknown.items() if why == phrase("untold", part)]
         parts += [sentence("payload.how", f"no_{part}", joints=joints)] if joints else []
+    if len(off) + len(unknown) < len(result.gains):
+        parts.append(sentence("payload.unit", "off" if off else "right", joints=off))
     text = join_sentences(*parts)
-    tone = "amber" if unknown else "green"
+    tone = "amber" if unknown else "blue"
     return Answer(sentence("payload.unit", "question"), result.answer, text, tone)
