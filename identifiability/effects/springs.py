@@ -234,15 +234,10 @@ class PositionTorque(Shaped):
         if axis.row is None:  # it has passive joints, whose limits are not known
             return -wide, wide
         used = axis.row != 0
-        travel = robot.limits[used] * axis.row[used, None]
-        ends = np.sort(travel, axis=1).sum(0)
-        low, high = ends - self.home(robot, axis)
-        lowest = float(low) if np.isfinite(low) else -wide
-        highest = float(high) if np.isfinite(high) else wide
-        return (
-            lowest,
-            highest,
-        )
+        ends = np.sort(robot.limits[used] * axis.row[used, None], axis=1).sum(0)
+        travel = ends - self.home(robot, axis)
+        low, high = np.where(np.isfinite(travel), travel, [-wide, wide]).tolist()
+        return low, high
 
     def curves(self, at: Along) -> list[Array]:
         """Return the splines."""

@@ -1,7 +1,7 @@
 """`Differences`: hypotheses about differences between logs of one robot, or between parts of a log.
 
 A difference is a `Missing` effect that acts in some rows only: a group of the mixed model × a
-pattern. A load on a body, friction, an offset or the gain of a torque column may change. It acts in
+pattern. A load on a body, friction, a spring, an offset or a torque gain may change. It acts in
 the logs of one side, in a single log, or between two instants of a log. Smooth functions that the
 model lacks in all rows are competing hypotheses. Friction differs a little between any two logs:
 that is no change but a nuisance of every comparison. Values that are known beforehand have their
@@ -19,7 +19,7 @@ from typing import cast
 import numpy as np
 
 from identifiability.effects.measurement import torque_shares
-from identifiability.foundation.linalg import ROUNDOFF, or_one
+from identifiability.foundation.linalg import ROUNDOFF, or_one, solve_least
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -27,7 +27,7 @@ from identifiability.regression.columns import Candidate, Entries, number
 from identifiability.regression.information import Information
 
 from .groups import Excerpt, Missing
-from .mixed_model import Group, MixedModel, Term, Terms
+from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
 from .noise import THIN
 
 #: Standard deviation of friction in a log, relative to it: it differs by 3 % between two logs.
@@ -52,8 +52,13 @@ LACKS = (
 UNTOLD: Tolerance = 10.0
 #: Kinds of families other than friction; and words for them where their titles name a missing
 #: effect.
-KIND_OF = {"payload": "load", "torque_offset": "offset", "torque_scale": "gain"}
-WORDS = {"payload": "load", "torque_scale": "torque gain"}
+KIND_OF = {
+    "payload": "load",
+    "torque_offset": "offset",
+    "torque_scale": "gain",
+    "free_spring": "spring",
+}
+WORDS = {"payload": "load", "torque_scale": "torque gain", "free_spring": "spring"}
 
 
 @frozen(kw_only=True)
@@ -122,7 +127,7 @@ class Differing(Candidate):
 
     @property
     def kind(self) -> str:
-        """Whether it is of a load, friction, an offset or a gain."""
+        """Whether it is of a load, friction, a spring, an offset or a gain."""
         return KIND_OF.get(self.family.name, "friction")
 
     @property
@@ -137,17 +142,17 @@ class Differing(Candidate):
 
     def odd(self, names: Sequence[str]) -> str:
         """Return the only log in which it is; nothing for the logs that are asked about."""
-        alone = self.pattern not in ("", "0", WARM) and np.count_nonzero(self.logs) == 1
-        if alone:
-            return names[int(np.argmax(self.logs))]
-        return ""
+        return self._first(names, alone=True)
 
     def since(self, names: Sequence[str]) -> str:
         """Return the first of several logs, not all that are asked about; else nothing."""
-        some = self.pattern not in ("", "0", WARM) and np.count_nonzero(self.logs) > 1
-        if some:
-            return names[int(np.argmax(self.logs))]
-        return ""
+        return self._first(names, alone=False)
+
+    def _first(self, names: Sequence[str], *, alone: bool) -> str:
+        """Return the first log, if it is the only one, or one of several."""
+        if self.pattern in ("", "0", WARM) or (np.count_nonzero(self.logs) == 1) != alone:
+            return ""
+        return names[int(np.argmax(self.logs))]
 
 
 @frozen
@@ -242,9 +247,7 @@ def weigh_logs(information: Information, data: np.ndarray) -> Information:
         How many rows of each joint are data.
     """
     R = information.factor()
-    triangle = R[:-1, :-1]
-    target = R[:-1, -1]
-    x = np.linalg.lstsq(triangle, target, rcond=ROUNDOFF)[0]
+    x = solve_least(R[:-1, :-1], R[:-1, -1], ROUNDOFF)
     square = information.squares_of_blocks(np.append(-x, 1.0))
     mean_square = square / np.maximum(data, 1)
     total = np.maximum(square.sum(0), 1e-300)
@@ -310,14 +313,17 @@ class Differences:
         may = [Differing.of(c, w, str(k)) for k, w in enumerate(patterns) for c in changes]
         rubs = [c for c in may[: len(changes)] if c.kind == "friction"]
         # A nuisance: friction drifts, and beside a load all errors of the robot look like changes.
-        small = [c for c in may[: len(changes)] if c.kind != "load"] if seen.load.any() else rubs
+        other = [c for c in may[: len(changes)] if c.kind not in ("load", "spring")]
+        small = other if seen.load.any() else rubs
         drifts = [Differing.of(c, log, "drift") for c in small for log in logs]
         may += [Differing.of(c, np.ones(len(logs)), WARM) for c in rubs if warms]
         always = [Differing.of(c, np.ones(len(logs))) for c in lacks]
         weigh = [Differing.of(c, patterns[0], WEIGHS) for c in weights]
         every = number([*drifts, *may, *weigh, *always])
         named = frozenset(c.group[0] for c in (*may, *always))
-        missing = Missing(tuple(every), seen, families=named)
+        # Springs of all joints do not change at once.
+        apart = frozenset((c.group[0], EVERYWHERE) for c in may if c.kind == "spring")
+        missing = Missing(tuple(every), seen, families=named, refuted=apart)
         of_logs = every[len(drifts) : len(every) - len(always)]
         differing = [k for c in of_logs for k in c.columns]
         edges = np.unique(seen.log, return_index=True)[1]
@@ -465,4 +471,4 @@ def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     weight = 1.0 / np.where(size > 0, size, np.inf)
     Z = (X @ M * weight[:, None]).reshape(-1, M.shape[1])
     aim = Z.T @ ((y - X @ fixed) * weight).ravel()
-    return fixed + M @ np.linalg.lstsq(Z.T @ Z, aim, rcond=ROUNDOFF)[0]
+    return fixed + M @ solve_least(Z.T @ Z, aim, ROUNDOFF)

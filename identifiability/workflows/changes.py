@@ -64,15 +64,15 @@ VELOCITY = "function_of_velocity"
 WEIGHT = INERTIAL_KINDS[:4]
 
 
-def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
-    """Return possible differences between rows of a robot: a load on some bodies, and families.
+def list_changes(robot: Robot, bodies: Sequence[str], *more: str) -> tuple[Candidate, ...]:
+    """Return possible differences between rows of a robot: loads on bodies, and (more) families.
 
     A load has either the parameters that its weight determines, or all ten. Both are candidates.
     """
     rigid = FAMILIES["rigid_body"].effect
     loads: tuple[Strings, ...] = (WEIGHT, INERTIAL_KINDS)
     found = [(FAMILIES["payload"], rigid, body, kinds) for body in bodies for kinds in loads]
-    for family in find_families(DIFFERING):
+    for family in find_families((*DIFFERING, *more)):
         for place, own in groupby(family.effect.parameters(robot), lambda p: p.owner):
             found.append((family, family.effect, place, tuple(p.kind for p in own)))
     candidates = []
@@ -169,7 +169,7 @@ class FeltTorque:
             if not rows.any():
                 continue
             torque = _columns_in(found, j, columns)[rows]
-            gram = torque.T @ torque / max(len(torque), 1)
+            gram = torque.T @ torque / len(torque)
             rms = float(np.sqrt(max(sizes @ gram @ sizes, 0.0)))
             if out.joint and not rms > abs(out.rms):
                 continue
@@ -200,7 +200,7 @@ class Change:
 
     Attributes
     ----------
-    kind : {"load", "friction", "offset", "gain", "missing"}
+    kind : {"load", "friction", "offset", "gain", "spring", "missing"}
         The last is an effect that the model lacks in all logs; it only competes with changes.
     family, what, place : str
         Its name; its description; and the body or joint, ``all joints`` where it is everywhere.
@@ -563,8 +563,7 @@ def _measure_change(
         )
 
     seen = found.missing.seen
-    logs = np.unique(seen.log)
-    longest = max(float(np.ptp(seen.t[seen.log == k])) for k in logs)
+    longest = max(float(np.ptp(seen.t[seen.log == k])) for k in np.unique(seen.log))
     owners = np.array([found.columns[n][0].place for n in columns.tolist()])
     change = measure(np.arange(len(at)), place)
     places = list(dict.fromkeys(owners.tolist()))
@@ -706,15 +705,14 @@ def list_unchanged(found: Differences, terms: Terms) -> tuple[Unchanged, ...]:
         key = first.family.name, first.place
         if first.pattern != "0" or group.place == EVERYWHERE or key in changed:
             continue
-        unit_change = np.append(1.0, np.zeros(len(columns) - 1))
+        unit_change = np.eye(len(columns))[0]
         if first.kind == "load":  # of 1 kg at the centre of the body
             unit_change = _body_of_one(found.missing.seen.robot, first.place)[: len(columns)]
         level = float(levels[columns[0]])
         others = unloaded if first.kind == "load" else terms
         least = found.model.least_named(others, group, unit_change)
         sizes = unit_change * (least if np.isfinite(least) else 0.0)
-        square = (len(sizes), len(sizes))
-        felt = FeltTorque.of(found, columns, sizes, np.zeros(square))
+        felt = FeltTorque.of(found, columns, sizes, np.zeros((len(sizes),) * 2))
         share = least / level if level > 0 else np.nan
         out.append(
             Unchanged(

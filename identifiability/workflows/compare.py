@@ -181,16 +181,14 @@ class Comparison(OfStructure, Result):
         """Return the comparison in the documented JSON schema."""
         own = ["statement", "before", "after", "days"]
         named = {name: getattr(self, name) for name in own}
-        changes = [_change_record(c) for c in self.changes]
-        unchanged = [_unchanged_record(x) for x in self.unchanged]
         return {
             "schema": self.schema,
             "robot": self.robot.identity,
             "model": self.submodel.name,
             **named,
             "changed": bool(self.changes),
-            "changes": changes,
-            "unchanged": unchanged,
+            "changes": [_change_record(c) for c in self.changes],
+            "unchanged": [_unchanged_record(x) for x in self.unchanged],
         }
 
 
@@ -259,7 +257,7 @@ def compare(
     preparation: Preparation | None = None,
     engine: Engine | None = None,
 ) -> Comparison:
-    """Find changed loads, friction, offsets and torque gains; for three logs also the changed log.
+    """Find changed loads, friction, springs, offsets and gains; of three logs also the changed one.
 
     The comparison allows for effects that the model lacks in all logs. Only the logs of `before`
     determine how columns are read, and the cut-off.
@@ -306,14 +304,12 @@ def compare(
         torque = DifferentTorque.of(found, terms, len(unchanged.validation))
     later, earlier = sides.paths
     days = list_days(sides.samples, recordings.began)
-    days_before = days[sides.count :]
-    days_after = days[: sides.count]
     return Comparison(
         structure=unchanged.structure,
         submodel=submodel,
         before=earlier,
         after=later,
-        days=(*days_before, *days_after),
+        days=(*days[sides.count :], *days[: sides.count]),
         changes=changes,
         limits=list_unchanged(found, terms),
         lacks=list_lacks(found, terms),

@@ -11,9 +11,10 @@ import numpy as np
 
 from identifiability.effects import find_families
 from identifiability.effects.base import GravityTilt, apply_tilt
-from identifiability.effects.measurement import TorqueScale
+from identifiability.effects.measurement import TorqueScale, torque_shares
 from identifiability.effects.nominal import reference_values
 from identifiability.effects.registry import is_loaded
+from identifiability.effects.springs import FreeSpring
 from identifiability.estimation.differences import (
     EXCERPT,
     LACKS,
@@ -27,7 +28,7 @@ from identifiability.estimation.mixed_model import Terms
 from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.linalg import ROUNDOFF, or_one, solve_least, triangular_factor
+from identifiability.foundation.linalg import ROUNDOFF, or_one, solve_least
 from identifiability.foundation.names import Array, NumberByName, Strings, name_each
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
@@ -83,8 +84,7 @@ class Sides:
         LogError
         """
         seen = Excerpt.of(self.regression, EXCERPT)
-        rows = np.bincount(seen.log, minlength=len(self.samples))
-        fewest = int(rows.min())
+        fewest = int(np.bincount(seen.log, minlength=len(self.samples)).min())
         if fewest < LOG_RULES.fewest or fewest * len(seen.robot.joints) <= values:
             raise LogError(Finding("sides.few", samples=fewest, values=values))
         return seen
@@ -134,7 +134,7 @@ def find_differences(
     patterns : sequence of (L,)
         Which logs may have a change.
     warms : bool
-        Whether friction may also change within every log.
+        Whether springs may change as well, and friction within every log.
     weights : sequence of Candidate
         Weights of loads without their inertia.
     load : (N, n), optional [N·m or N]
@@ -146,14 +146,19 @@ def find_differences(
     motions = [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
     # Torque of a wrong scale, which the model has found, is read as it should have been.
-    gain = 1.0 + np.array([stated.get(f"{joint}.scale", 0.0) for joint in robot.joints])
+    gain = np.eye(len(robot.joints))
+    shares = torque_shares(robot)
+    for axis in robot.axes:
+        if axis.row is not None and axis.name in shares:
+            gain += stated.get(f"{axis.name}.scale", 0.0) * np.outer(axis.row, shares[axis.name][1])
+    right = np.linalg.inv(gain).T
     base = [0.0 if name.endswith(".scale") else x for name, x in stated.items()]
     known = replace(known, base=np.array(base))
-    read = replace(seen, robot=robot, y=seen.y / gain, raw=seen.raw / gain)
+    read = replace(seen, robot=robot, y=seen.y @ right, raw=seen.raw @ right)
     rows = Compared.about(read, known, load)
     return Differences.of(
         rows,
-        list_changes(robot, bodies),
+        list_changes(robot, bodies, *[FreeSpring.name] * warms),
         lacks,
         known,
         patterns,
@@ -337,9 +342,7 @@ def find_loads(data: Data, submodel: Submodel) -> list[Change]:
     fitted = sides.names[sides.count :]
     loads = [c for c in changes if c.kind == "load" and c.log not in fitted]
     sure = [c for c in loads if c.sure and not c.alternatives]
-    if sure and _explains_most(found, terms, sides.count):
-        return sure
-    return []
+    return sure if sure and _explains_most(found, terms, sides.count) else []
 
 
 def _may_explain_most(sides: Sides, structure: Structure, submodel: Submodel) -> bool:
@@ -348,28 +351,20 @@ def _may_explain_most(sides: Sides, structure: Structure, submodel: Submodel) ->
     Least squares in each log explain no less than a search does, and take far less time. Loads act
     in other columns if the model has a tilt, and on other torque if it has scales.
     """
-    families = {family for family, _ in structure.present}
-    if families & {GravityTilt.name, TorqueScale.name}:
+    if {GravityTilt.name, TorqueScale.name} & {family for family, _ in structure.present}:
         return True
     seen, known = sides.fit_unchanged(submodel)
     owners = [p.owner for p in structure.parameters]
-    bodies = tool_bodies(structure.robot)
-    loads = np.isin(owners, bodies)
-    of_loads = structure.G[:, loads]
+    of_loads = structure.G[:, np.isin(owners, tool_bodies(structure.robot))]
     residual = seen.residual(known)
     error = remaining = 0.0
     for log in range(sides.count):
         of_log = seen.log == log
         rows = seen.data & of_log[:, None]
         columns = seen.X[rows] @ of_loads
-        both = np.column_stack([columns, residual[rows]])
-        R = triangular_factor(both)
-        target = R[:, -1]
-        factor = R[:, :-1]
-        length = or_one(np.linalg.norm(factor, axis=0))
-        unit = factor / length
-        values = solve_least(unit, target, ROUNDOFF)
-        unexplained = target - unit @ values
+        unit = columns / or_one(np.linalg.norm(columns, axis=0))
+        target = residual[rows]
+        unexplained = target - unit @ solve_least(unit, target, ROUNDOFF)
         error += float(target @ target)
         remaining += float(unexplained @ unexplained)
     return 2 * remaining < error

@@ -17,7 +17,7 @@ from ..conftest import both_motions
 
 PLANAR = "two-link"
 campaign = partial(both_motions, samples=500)
-KINDS = ("Fc", "Fv", "off", "gain")
+KINDS = ("Fc", "Fv", "off", "gain", "k")
 
 
 def logs(name, seed, extra=None, scale=1.0, **friction):
@@ -128,15 +128,16 @@ def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():
     assert both.share_sd < 1.1 * alone.share_sd
 
 
-def test_friction_that_fell_and_an_offset_are_told_apart():
-    shift = np.broadcast_to([0.6, 0.0], campaign(PLANAR).torque.shape)
+def test_friction_that_fell_a_spring_and_an_offset_are_told_apart():
+    shift = [0.6, -0.5] + campaign(PLANAR).move.q * [0, 3]
     after = logs(PLANAR, 7, extra=shift, elbow=0.7)
     found = compare(PLANAR, logs(PLANAR, 6)[0], after[0])
-    assert said(found) == {("friction", "elbow"), ("offset", "shoulder")}
+    assert said(found) == {("friction", "elbow"), ("offset", "shoulder"), ("spring", "elbow")}
     (fell,) = (c for c in found.changes if c.kind == "friction")
     assert abs(fell.share + 0.3) < 3 * fell.share_sd
-    row = found.to_frame().set_index("what").loc["torque offset of shoulder"]
-    assert row.low < 0.6 < row.high
+    rows = found.to_frame().set_index("name")
+    for name, size in (("shoulder.off", 0.6), ("elbow.k", 3), ("elbow.kq0", 0.5)):
+        assert rows.low[name] < size < rows.high[name]
 
 
 def test_of_three_logs_it_is_said_which_is_odd():
@@ -237,4 +238,19 @@ def test_a_motor_and_its_joint_share_the_change_that_their_sum_shows(tmp_path):
     assert abs(share + 0.4) < 3 * sd < 1.5 * abs(share)
     texts, limits = ([c.text + c.note for r in t.rows for c in r] for t in found.tables())
     assert texts.count("not determined apart") > 4  # before, after and change, of joint and motor
-    assert "450 % (28 N·m)cannot be monitored with this motion" in limits
+    assert "410 % (26 N·m)cannot be monitored with this motion" in limits
+
+
+def test_a_change_is_that_of_torque_under_the_known_scale_of_a_motor(tmp_path):
+    side, ladder = tmp_path / "side.toml", tmp_path / "ladder.toml"
+    motors = '[transmission]\nmotors = ["m", "n"]\ncoupling = [[1, 0], [-1, 1]]\n'
+    side.write_text(f"{motors}[torque]\ngain = {{m = 1, n = 1}}\n")
+    effects = '"rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"'
+    ladder.write_text(f'[[models]]\nname = "n"\neffects = [{effects}, "torque_scale@n"]\n')
+    scaled = []
+    for seed, scale in ((0, 0.4), (30, 0.47)):
+        log = logs(PLANAR, seed)[0]
+        scaled.append(replace(log, tau=log.tau + log.tau[:, 1:] * [-scale, scale]))
+    (change,) = compare(Robot.load(PLANAR, side), *scaled, ladder=ladder).changes
+    assert change.place == "n"
+    assert abs(change.share - 0.05) < 3 * change.share_sd

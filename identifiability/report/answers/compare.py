@@ -453,7 +453,7 @@ def _state_seen(result: Comparison) -> str:
     names = [x.what for x in result.unchanged if _is_hidden(x)]
     shown = [x for x in result.unchanged if np.isfinite(x.least) and not _is_hidden(x)]
     shown.sort(key=lambda x: x.least if x.kind == "load" else x.relative)
-    most = {x.kind: x for x in shown if x.kind not in ("gain", "offset")}
+    most = {x.kind: x for x in shown if x.kind in ("load", "friction")}
     other = any(x.kind == "friction" for x in result.unchanged if _is_hidden(x))
     holes = {"a": "any other" if other else "a"}
     told = [sentence(about, kind, number=x, **holes) for kind, x in most.items()]
