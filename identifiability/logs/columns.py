@@ -194,6 +194,7 @@ def name_columns(
         *([phrase("reading", "currents", columns=idle)] if idle else ()),
         *_tell_spare_currents(guesses, columns),
         *unread,
+        *_tell_order(taken.values(), source, known),
     )
     locked = tuple(_in_si(c, stated[c.name], source, known) for c in held)
     commands = tuple(g.name for g in own if commanding and g.kind in COMMANDS)
@@ -226,8 +227,7 @@ def _find_unread(
         own = take_joint(words, joints)[0] or column.rpartition(".")[2] in ends
         if column not in read and measured and own:
             unread.append(f"'{column.strip()}'")
-    said = Finding("unread", source, columns=unread)
-    return [said.again(said.rstrip("."))] if unread else []
+    return [Finding("unread", source, columns=unread)] if unread else []
 
 
 def _idle_currents(guesses: Sequence[Column], known: Conventions) -> list[str]:
@@ -690,7 +690,24 @@ def resolve_numbers(
         if own and not {f"{j}.{kind}" for j in known.joints} <= named:
             found += _in_order(own, source, known)
     numbered = any(g.number >= 0 for g in found)
-    return [*told, *found], " (in the robot's order)" if numbered else ""
+    plain = numbered and known.as_listed == known.joints
+    return [*told, *found], " (in the robot's order)" if plain else ""
+
+
+def _tell_order(taken: Iterable[Column], source: str, known: Conventions) -> list[Finding]:
+    """Return in which order numbers count joints, if the file has two."""
+    counted: dict[str, list[str]] = {}
+    for column in sorted((c for c in taken if c.number >= 0), key=lambda c: c.number):
+        if column.joint in known.joints:
+            counted.setdefault(column.kind, []).append(column.joint)
+    if not counted or known.as_listed == known.joints:
+        return []
+    each = [
+        phrase("order", kind, actuators=joints == [*known.joints])
+        for kind, joints in counted.items()
+        if kind in ("q", "q_ref", "tau")
+    ]
+    return [Finding("order", source, each=each)]
 
 
 def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, str]:
@@ -703,23 +720,26 @@ def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, str
 def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[Column]:
     """Return guesses of one channel with the joints of the robot's order, if all are there."""
     numbers = {g.number for g in loose}
-    count = len(known.joints)
     kind = loose[0].kind
-    if count == 1 and numbers == {-1}:
+    if len(known.joints) == 1 and numbers == {-1}:
         return [replace(g, joint=known.joints[0]) for g in loose]
     if -1 in numbers:
         return []
+    order = known.as_listed if known.by_file[kind not in MOTIONS] else known.joints
+    order = known.listed if len(numbers) == len(known.listed) > len(order) else order
     start = min(numbers)
-    own = [_number(joint) for joint in known.joints]
+    count = len(order)
+    own = [_number(joint) for joint in order]
     ordered = None in own or len({*own}) < count or own == sorted(own, key=lambda n: n or 0)
     if start in (0, 1) and numbers == set(range(start, start + count)) and ordered:
-        return [replace(g, joint=known.joints[g.number - start]) for g in loose]
+        return [replace(g, joint=order[g.number - start]) for g in loose]
     if kind not in ("q", "tau"):
         return []
     columns = [g.source for g in loose]
+    more = f", and {len(known.listed)} with all others" if len(known.listed) > count else ""
     raise LogError(
         f"{source} numbers its joints differently from the robot ({listing(columns)}; the "
-        f"robot has {count}: {listing(known.joints)}); say which is which, as in "
+        f"robot has {len(known.joints)}: {listing(known.joints)}{more}); say which is which, as in "
         f"{_map_word(columns[0], f'{known.joints[0]}.{kind}')}."
     )
 
@@ -775,7 +795,7 @@ def resolve_commands(
         joints = next((j for j in lost.values() if j), known.joints)
         missing = [f"{j}.cmd" for j in joints]
         raise LogError(
-            tell_missing(source, missing, known.joints, _free(names, taken), known.passive)
+            tell_missing(source, missing, known.joints, _free(names, taken), known.listed)
         )
     left = {c.kind for c in taken.values()}
     return known.servo is not None and not left.isdisjoint(("q_ref", "dq_ref"))
@@ -815,7 +835,7 @@ def _refuse_missing(
         missing = [n for n in missing if _kind(n) == "tau"]
         wanted = ()  # no motor can be locked
     likely = [n for n in free if _may_be(n, missing) and "wrench" not in words_of(n)]
-    raise LogError(tell_missing(source, missing, wanted, likely, known.passive))
+    raise LogError(tell_missing(source, missing, wanted, likely, known.listed))
 
 
 #: Remedy if no remaining column could be a missing one.
@@ -827,7 +847,7 @@ def tell_missing(
     missing: Sequence[str],
     wanted: Sequence[str],
     free: Sequence[str],
-    passive: Sequence[str] = (),
+    listed: Sequence[str] = (),
 ) -> Finding:
     """Return the refusal of a log that lacks columns, with options that lock the joints.
 
@@ -841,11 +861,11 @@ def tell_missing(
         Joints that a log needs columns of.
     free : sequence of str
         Columns that were taken for nothing.
-    passive : sequence of str
-        Joints that no option may lock.
+    listed : sequence of str
+        All joints of the robot file; no option may lock those that are not missing.
     """
     joints = list(dict.fromkeys(map(_owner, missing)))
-    moving = [j for j in (*wanted, *passive) if j not in joints]
+    moving = [j for j in (*wanted, *listed) if j not in joints]
     patterns = find_patterns(joints, moving)
     options = [option_for_shell("--lock", text, always=True) for text in patterns]
     others = listing(dict.fromkeys(_owner(n) if _kind(n) in SPELLED else n for n in free))

@@ -50,8 +50,11 @@ class Conventions:
         The floating base; logs contain its motion.
     is_held : bool
         Whether the base is stated as fixed, though logs may contain its motion.
-    passive : tuple of str
-        Joints without a motor, which need no columns.
+    listed : tuple of str
+        All joints in the order of the file; numbers count them if there are as many.
+    by_file : (bool, bool)
+        Whether numbers of positions, and all other numbers, count the actuated joints in the order
+        of the file instead of the order of `joints`.
     codes : mapping of str to Code
         Codes that other logs show, by the kind of column.
     lengths : mapping of str to Coupling
@@ -71,7 +74,8 @@ class Conventions:
     commands: bool = False
     base: Base | None = None
     is_held: bool = False
-    passive: Strings = ()
+    listed: Strings = ()
+    by_file: tuple[bool, bool] = (False, False)
     codes: Mapping[str, Code] = {}
     lengths: Mapping[str, Coupling] = {}
 
@@ -79,6 +83,11 @@ class Conventions:
     def motors(self) -> Strings:
         """Motors that a log may have instead of joints (coupled transmissions)."""
         return self.gear.motors if self.gear else ()
+
+    @property
+    def as_listed(self) -> Strings:
+        """Return the actuated joints in the order of the file."""
+        return tuple(sorted(self.joints, key=[*self.listed, *self.joints].index))
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
@@ -89,7 +98,6 @@ class Conventions:
         # A locked joint may be revolute or prismatic; nearly all are revolute.
         degrees = (*turns, *motors, *robot.locked) if robot.angles == "deg" else ()
         joints = robot.motor_joints or robot.joints[:1]
-        passive = tuple(j for j in robot.home_table if j not in robot.motor_joints)
         lengths = {
             cable.name: cable.along.through(robot.couplings)
             for cable in robot.cables
@@ -107,6 +115,6 @@ class Conventions:
             servo=robot.servo,
             base=robot.base,
             is_held=robot.said.base == "fixed",
-            passive=passive,
+            listed=robot.listed,
             lengths=lengths,
         )

@@ -7,7 +7,9 @@ value.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -292,6 +294,13 @@ class TableReader:
         unset = [c for c in columns if is_stamp(c) and (to_floats(frame[c][:1]) == 0.0).any()]
         columns = [c for c in columns if c not in unset]
         naming = name_columns(columns, self.source, self.known, units, first)
+        if naming.commands and self.known.as_listed != self.known.joints:
+            every = [naming]
+            for by_file in ((True, False), (False, True)):
+                other = replace(self.known, by_file=by_file)
+                with suppress(LogError):  # numbers in names of joints may contradict this order
+                    every.append(name_columns(columns, self.source, other, units, first))
+            naming = min(every, key=partial(_distance_to_commands, frame))
         naming = resolve_codes(naming, frame, self.known)
         commands = [c for c in naming.columns if c.kind == "q_ref" and c.name in naming.commands]
         empty = [c.name for c in commands if np.isnan(to_floats(frame[c.source])).all()]
@@ -380,9 +389,21 @@ class TableReader:
         return stack_channels(joints, found), note
 
 
+def _distance_to_commands(frame: pd.DataFrame, naming: Naming) -> float:
+    """Return the mean square of positions about their commands in a table."""
+    columns = {c.name: c.scale(to_floats(frame[c.source])) for c in naming.columns if c.name != "t"}
+    pairs = [(columns[c], columns.get(c.replace("_ref", ""), 0.0)) for c in naming.commands]
+    return float(np.nanmean([(command - q) ** 2 for command, q in pairs]))
+
+
 def add_lengths(frame: pd.DataFrame, known: Conventions) -> pd.DataFrame:
     """Return a table with positions of tendons, if it has those of their joints instead."""
     names = {rename(column.strip(), known): column for column in frame.columns}
+    guesses = (guess_column(column, name, ()) for name, column in names.items())
+    numbered = sorted((g.number, g.source) for g in guesses if g and g.kind == "q")
+    if len(numbered) == len(known.listed):
+        by_number = zip(known.listed, numbered, strict=True)
+        names = {f"{joint}.q": column for joint, (_, column) in by_number} | names
     more = {}
     for tendon, along in known.lengths.items():
         sources = {joint: names.get(f"{joint}.q") for joint in along.terms}

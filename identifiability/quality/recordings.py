@@ -208,10 +208,11 @@ def _list_conversions(logs: Sequence[Log]) -> list[Finding]:
     """Return how columns were converted, logs with the same conversions together."""
     names: dict[str, list[str]] = {}
     for log in logs:
-        names.setdefault("; ".join(log.notes), []).append(_name_and_date(log))
-    unread = [Finding(n.key, x.name, **n.numbers) for x in logs for n in of_key(x.notes)]
+        notes = [note for note in log.notes if not isinstance(note, Finding)]
+        names.setdefault("; ".join(notes), []).append(_name_and_date(log))
+    separate = [Finding(n.key, x.name, **n.numbers) for x in logs for n in of_key(x.notes)]
     read = [Finding("reading", names=own, text=text) for text, own in names.items() if text]
-    return [*read, *merge_subjects(unread)]
+    return [*read, *merge_subjects(separate)]
 
 
 def _name_and_date(log: Log) -> str:

@@ -276,6 +276,8 @@ class Stated:
     loops, couplings : tuple
     driven : list of str or None
         Joints with actuators; None if the file names none.
+    listed : tuple of str
+        All joints with one axis, locked ones too, in the order of the file: carriers first.
     home : (nq,)
         The configuration that selects the assembly of a closed chain.
     posed : bool
@@ -322,6 +324,7 @@ class Stated:
     loops: tuple[Loop, ...] = ()
     couplings: tuple[Coupling, ...] = ()
     driven: list[str] | None
+    listed: Strings = ()
     home: Array
     posed: bool = False
     numbers: Mapping[str, NumberByName] = {}

@@ -110,6 +110,7 @@ def _read_urdf(path: Path, root: Element, extra: Sidecar) -> Stated:
     drawn = {model.names[j]: 0.0 for j in range(1, model.njoints) if model.joints[j].nv == 1}
     mimics = _read_mimics(path, joints, fixed, extra)
     locked, couplings = resolve_locks(path, extra, drawn, mimics, fixed)
+    listed = sorted(drawn, key=partial(_place_of, model, [*joints]))
     model, welded = weld(model, locked)
     gone = _find_massless(path, model, (*extra.massless, *(_BETWEEN if top else ())))
     for k in gone:
@@ -121,8 +122,7 @@ def _read_urdf(path: Path, root: Element, extra: Sidecar) -> Stated:
     coupled = {c.joint for c in couplings}
     carriers = tuple(k for k in range(1, model.njoints) if k not in gone)
     home = np.array(pin.neutral(model))
-    driven = [name for name in tree.single if name not in coupled]
-    driven.sort(key=partial(_place_of, model, [*joints]))
+    driven = [name for name in listed if name in tree.single and name not in coupled]
     return Stated(
         model=model,
         tree=tree,
@@ -130,6 +130,7 @@ def _read_urdf(path: Path, root: Element, extra: Sidecar) -> Stated:
         couplings=tuple(couplings),
         home=home,
         driven=driven,
+        listed=tuple(listed),
         locked=locked,
         welded=welded,
         base=base,

@@ -749,6 +749,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         loops=tuple(_loops(path, m, point)),
         couplings=tuple(couplings),
         driven=find_drives(actuators, locked),
+        listed=tuple(drawn),
         home=start,
         posed=scene.nkey > 0,
         numbers=forces,

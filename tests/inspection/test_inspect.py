@@ -1,10 +1,12 @@
 """Laws of the inspection: it says what the robot file says, and what was put into the log."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Log, Robot, inspect, simulate
 from identifiability.foundation.findings import of_key
@@ -60,6 +62,18 @@ def test_every_joint_has_its_part_and_the_columns_follow_from_it(gripper):
         "base_yaw.q",
         "base_yaw.cmd",
     )  # servos make its torque
+
+
+@pytest.mark.parametrize("counted", ["lift finger1 finger2", "lift finger1", "finger1 lift"])
+def test_numbers_count_the_joints_that_follow_the_commands(gripper, counted):
+    motors = '<position joint="finger1" kp="9"/><position joint="lift" kp="9"/>'
+    gripper.write_text(re.sub("<motor.*/>", motors, GRIPPER))
+    t = np.arange(100) / 50
+    q = {"finger1": t % 0.3, "lift": t % 0.7, "finger2": 0.01 - 2 * (t % 0.3)}
+    table = {f"action[{k}]": q[joint] + 0.01 for k, joint in enumerate(("finger1", "lift"))}
+    table |= {f"q[{k}]": q[joint] for k, joint in enumerate(counted.split())}
+    (log,) = inspect(gripper, pd.DataFrame(table | {"t": t})).records
+    assert_allclose(log.q, np.stack([q["finger1"], q["lift"]], axis=1))
 
 
 @pytest.mark.parametrize("name", ["3-rps", "five-bar", "two-link"])
