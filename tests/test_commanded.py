@@ -853,6 +853,11 @@ def test_a_log_in_which_no_joint_follows_is_refused_with_the_reason(arm, frames,
         judge(arm, spoilt)
 
 
+def test_commands_that_act_before_the_range_of_delays_are_said(arm, frames):
+    late = frames[1].assign(**frames[1].filter(like=".cmd").shift(8).bfill())
+    assert "end of its range" in predict(arm, arm, late, forward=True).summary()
+
+
 def test_one_joint_in_percent_is_refused_with_the_remedy(arm, frames):
     percent = {column: 50.0 * frames[1][column] for column in ("elbow.q", "elbow.cmd")}
     with refuses(match=r"'elbow\.q' spans .* elbow = \{scale"):

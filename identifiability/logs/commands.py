@@ -5,12 +5,12 @@ command that acts at a sample is the mean over the interval around the sample. T
 continuous in the delay. Commands may have another clock than rows (`Log.commands_since`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy
 
-from identifiability.foundation.findings import phrase
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.robot.servo import Servo
 
@@ -141,6 +141,14 @@ def state_exchanged(exchanged: Mapping[str, str]) -> list[str]:
         phrase("servos.unfollowed", "pair", joint=joint, other=other)
         for joint, other in exchanged.items()
     ]
+
+
+def find_earliest(logs: Sequence[Log], delays: Sequence[float]) -> list[Finding]:
+    """Return of which logs the commands have the earliest delay [s] that is searched, if any."""
+    first = -min(sampling_step(log.t) for log in logs)
+    at_end = np.isclose(delays, first)
+    names = [log.name for log, is_first in zip(logs, at_end, strict=True) if is_first]
+    return [Finding("early_commands", names=names, by=-1e3 * first)] if names else []
 
 
 def _distance(command: Array, q: Array, most: int) -> float:

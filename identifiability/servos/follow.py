@@ -18,7 +18,7 @@ from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.runs import First, Progress
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.commands import of_commands
+from identifiability.logs.commands import find_earliest, of_commands
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import fit_band
@@ -313,7 +313,9 @@ def _calibrate(
         {k: replace_servo(log, servo, rival) for k, log in own.items()} for rival in servos.rivals
     ]
     hints = (_state_calibrated(servos, list(own.values())), *servos.findings, *irregular)
-    every = (*hints, *_state_limits(structure, held_out, [*own.values()], found, how))
+    commanded = [*own.values(), *filter(of_commands, held_out)]
+    early = find_earliest(commanded, [log.servo_delay or 0.0 for log in commanded])
+    every = (*hints, *early, *_state_limits(structure, held_out, [*own.values()], found, how))
     return replace(
         recordings,
         fitted=tuple(own.get(k, log) for k, log in enumerate(recordings.fitted)),
@@ -390,9 +392,11 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     if stated and are_contradicted(share):
         gains = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k]}
         joint = {"share": share[k], "joint": robot.joints[k]}
-        raise LogError(
-            Finding("servos.contradicted", robot.servo.source, **gains, **joint, names=names)
-        )
+        told = {
+            "names": names,
+            "early": "".join(f"{x} " for x in find_earliest(logs, found.delays.tolist())),
+        }
+        raise LogError(Finding("servos.contradicted", robot.servo.source, **gains, **joint, **told))
     lost = np.flatnonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
     return phrase("rollouts", "lost", joints=each, stated=stated) if each else ""

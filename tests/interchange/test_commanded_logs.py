@@ -132,14 +132,15 @@ def spoilt(tmp_path, **changed):
 
 def test_names_tell_channels_and_a_dataset_without_names_has_the_robots_order(arm, tmp_path):
     folder = spoilt(tmp_path, total_episodes=1)
-    info = json.loads((folder / "meta/info.json").read_text())
+    meta = folder / "meta/info.json"
+    info = json.loads(meta.read_text())
     for feature in ("observation.state", "action"):
         info["features"][feature]["names"] = None
-    (folder / "meta/info.json").write_text(json.dumps(info))
+    meta.write_text(json.dumps(info))
     assert_array_equal(read(arm, folder).q_ref, read(arm, DATASETS / "v2.1:0").q_ref)
     names = [f"main_{j}.{kind}" for kind in ("pos", "vel") for j in arm.joints]
     info["features"]["observation.state"] = {"names": {"motors": names}}
-    (folder / "meta/info.json").write_text(json.dumps(info))
+    meta.write_text(json.dumps(info))
     path = folder / "data/chunk-000/episode_000000.parquet"
     table = pq.read_table(path)
     state = [[*row, *(2 * x for x in row)] for row in table["observation.state"].to_pylist()]

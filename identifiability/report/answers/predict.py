@@ -15,7 +15,7 @@ from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import LEVEL, digits, format_number, join
-from identifiability.logs.commands import has_commands
+from identifiability.logs.commands import find_earliest, has_commands
 from identifiability.workflows.predict import WINDOW
 
 from .analyze import state_interval
@@ -385,6 +385,7 @@ def _answer_positions(result: PositionPrediction) -> Answer:
         short = sentence(about, "nearer", **holes)
         span = join_sentences(sentence(about, "times", **holes), span)
     tone = "green" if _moves_better(result) else "blue" if len(totals) == 1 else "amber"
+    short = join_sentences(short, *find_earliest(result.logs, result.runs[-1].delays))
     return Answer(sentence(about, "question"), short, span, tone, more=delays)
 
 

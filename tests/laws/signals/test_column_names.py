@@ -28,6 +28,10 @@ def read(columns, joints, rules=None):
     return Log.from_frame(pd.DataFrame(table), "log", known)
 
 
+def first(log):
+    return log.q[0].tolist(), log.tau[0].tolist()
+
+
 UNDERSTOOD = {
     "flat": (["t", *each("observation.{k}.{j}", PAIR, ("state", "effort"))], PAIR, [1, 2], [3, 4]),
     "words": (["time", *each("{j}_{k}", ARM, ("position", "effort"))], ARM, [1, 2, 3], [4, 5, 6]),
@@ -74,8 +78,7 @@ def test_usual_names_are_understood_and_said(case):
     columns, joints, q, tau = UNDERSTOOD[case]
     log = read(columns, joints)
     assert log.joints == joints
-    assert log.q[0].tolist() == q
-    assert log.tau[0].tolist() == tau
+    assert first(log) == (q, tau)
     assert "read by the usual meaning of their names" in log.notes[0]
     numbered = case in ("letters", "from zero", "actual and target")
     assert log.notes[0].endswith("(in the robot's order)") == numbered
@@ -127,9 +130,7 @@ def test_a_rule_of_the_form_that_is_proposed_helps(form):
     assert "columns={'OLD': 'panda_joint1'}" in str(refusal.value)
     rules = dict(zip(fer, ARM, strict=True))
     assert all(name in str(refusal.value) for name in fer)
-    log = read(columns, ARM, Renames.of(rules))
-    assert log.q[0].tolist() == [1, 2, 3]
-    assert log.tau[0].tolist() == [5, 6, 7]
+    assert first(read(columns, ARM, Renames.of(rules))) == ([1, 2, 3], [5, 6, 7])
 
 
 def test_names_that_stand_in_the_log_decide():
@@ -138,14 +139,14 @@ def test_names_that_stand_in_the_log_decide():
                           "field.name1": "shoulder", "field.position0": 1.0, "field.position1": 2.0,
                           "field.effort0": 3.0, "field.effort1": 4.0})  # fmt: skip
     log = Log.from_frame(frame, "log", Conventions(joints=PAIR)).select(PAIR)
-    assert (log.q[0].tolist(), log.tau[0].tolist()) == ([2, 1], [4, 3])
+    assert first(log) == ([2, 1], [4, 3])
 
 
 def test_the_documented_names_need_no_note_and_win():
     columns = ["t", *each("{j}.{k}", PAIR, ("q", "tau")), "time", "q1", "q2", "elbow_position"]
     log = read(columns, PAIR)
     assert log.notes == ()
-    assert (log.q[0].tolist(), log.tau[0].tolist()) == ([1, 2], [3, 4])
+    assert first(log) == ([1, 2], [3, 4])
 
 
 def test_words_and_units():
