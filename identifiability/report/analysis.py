@@ -191,9 +191,8 @@ def _name_key(analysis: Analysis) -> Fold:
                     formula=effect.equation,
                 )
             )
-    robot = analysis.robot
-    short = robot.symbols
-    named = [f"{symbol} is {name}" for name, symbol in short.items() if symbol != name]
+    short = analysis.robot.symbols.items()
+    named = [f"{symbol} is {name}" for name, symbol in short if symbol != name]
     if named:
         terms.append(Term("short forms", f"{'; '.join(named)}."))
     return Fold("What the names mean", (Terms(tuple(terms)),))
@@ -202,16 +201,11 @@ def _name_key(analysis: Analysis) -> Fold:
 def section_ladder(analysis: Analysis) -> Section:
     """Return the ladder of models: why the selected one."""
     chosen = analysis.chosen
-    models = analysis.models
-    part = "smallest" if models[1:] else "only"
-    why = capital(sentence("analysis.why", part, title=model_title(chosen), count=len(models)))
-    table = analysis.tables()[0]
-    return section(
-        "analysis.models",
-        table,
-        why=why,
-        kind=analysis.validation_kind,
-    )
+    count = len(analysis.models)
+    part = "smallest" if count > 1 else "only"
+    why = capital(sentence("analysis.why", part, title=model_title(chosen), count=count))
+    kind = analysis.validation_kind
+    return section("analysis.models", analysis.tables()[0], why=why, kind=kind)
 
 
 # Torque: measured and predicted, its contributions, and the residual.
@@ -223,11 +217,10 @@ def section_prediction(analysis: Analysis) -> Section:
     robot = analysis.robot
     name = (analysis.validation or analysis.samples)[0].name
     what = name_torque(" ".join(robot.torque_units))
-    t = out.t[0]
     loaded = loaded_joints(out.rms)
     measured, predicted = (x[:, loaded] for x in drawn_torque(out))
     traces = torque_traces(
-        t,
+        out.t[0],
         measured,
         predicted,
         [robot.joints[k] for k in loaded],
@@ -253,9 +246,7 @@ def _tell_windows(analysis: Analysis) -> str:
     """Return the number of samples behind errors, if it is not all of them."""
     for found in (analysis.held_out, analysis.fitted):
         if len(found.log) < found.total:
-            shown = f"{len(found.log):,}"
-            total = f"{found.total:,}"
-            return sentence("analysis.windows", shown=shown, total=total)
+            return sentence("analysis.windows", shown=len(found.log), total=found.total)
     return ""
 
 
@@ -270,17 +261,11 @@ def section_correlated(fit: Fit) -> Section:
     if not len(pairs):
         return section("analysis.correlated", text=sentence("analysis.apart"))
     ranked = sorted(pairs.tolist(), key=lambda at: -abs(rho[tuple(at)]))
-    strongest = ranked[:5]
     each = [
         f"{fit.names[i]} and {fit.names[j]} ({format_number(float(rho[i, j]), 2)})"
-        for i, j in strongest
+        for i, j in ranked[:5]
     ]
-    count = len(np.unique(pairs))
-    text = sentence(
-        "analysis.together",
-        count=count,
-        pairs=each,
-    )
+    text = sentence("analysis.together", count=len(np.unique(pairs)), pairs=each)
     return section("analysis.correlated", text=text)
 
 
@@ -320,9 +305,7 @@ def mass_table(robot: Robot, parameters: NumberByName) -> Table | None:
     """
     rows = [tuple(row.values()) for row in mass_rows(robot, parameters)]
     whole = ("all", total_mass(robot, parameters), total_mass(robot, robot.nominal))
-    if rows:
-        return make_table("masses", [*rows, whole])
-    return None
+    return make_table("masses", [*rows, whole]) if rows else None
 
 
 # How it was done: motion, thresholds, words, versions.
@@ -371,12 +354,8 @@ def section_posterior(analysis: Analysis) -> Section:
     """Return the parameters of the selected model by every method, side by side."""
     notes = posterior_notes(analysis)
     remarks = Notes(notes) if notes else None
-    return section(
-        "analysis.posterior",
-        remarks,
-        posterior_table(analysis),
-        title=model_title(analysis.chosen),
-    )
+    title = model_title(analysis.chosen)
+    return section("analysis.posterior", remarks, posterior_table(analysis), title=title)
 
 
 def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
@@ -394,14 +373,7 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
     names = np.array(analysis.chosen.submodel.columns)[~summary.stated].tolist()
     share = f"{len(names)} of {len(summary.stated)}"
     limit = 100 * POSTERIOR_RULES.prior_sensitivity
-    return (
-        note(
-            "prior-sensitive",
-            share=share,
-            names=names,
-            limit=limit,
-        ),
-    )
+    return (note("prior-sensitive", share=share, names=names, limit=limit),)
 
 
 def posterior_table(analysis: Analysis) -> Table | None:
@@ -443,12 +415,7 @@ def pruning_below(ladder: Ladder) -> Picture:
 def pruning_sections(ladder: Ladder) -> list[Section | None]:
     """Return the sections of the page."""
     settings = {key: ladder.settings[key] for key in ("method", "seed")}
-    effects = ", ".join(ladder.effects)
-    text = words(
-        "pruning.how",
-        effects=effects,
-        **settings,
-    )
+    text = words("pruning.how", effects=", ".join(ladder.effects), **settings)
     title = sentence("pruning.survivors", "title")
     why = sentence("pruning.why", nats=LEVELS.nats, rise=LEVELS.rise)
     return [

@@ -1,8 +1,7 @@
 """The pages of results: for each kind its title, the drawing at its answers, and its sections.
 
 Functions of a result make the parts of its page. ``<kind>_heading`` returns kind and subject,
-``<kind>_moving`` and ``<kind>_below`` the drawings at the answers, ``<kind>_values`` a table
-below them, then come ``<kind>_notes`` and
+``<kind>_moving`` and ``<kind>_below`` the drawings at the answers, then come ``<kind>_notes`` and
 ``<kind>_sections``. All are optional: without, a page shows answers and tables alone. The functions
 of an `Analysis` and a `Ladder` are in `identifiability.report.analysis`, those of positions in
 `identifiability.report.rollouts`. Verbs are imported inside the functions: a page needs only its
@@ -33,7 +32,7 @@ from identifiability.robot.kinematics import Point
 
 from .answers.common import NAMED, capital, hint_note, sentence, words
 from .answers.compare import list_loaded
-from .answers.diagnose import table_fitted, table_refitted
+from .answers.diagnose import table_fitted
 from .answers.tables import make_table, unit_cell
 from .blocks import (
     SHOWN_FIRST,
@@ -60,6 +59,7 @@ from .skeleton import STRETCH, move_skeletons, move_with_torque
 
 if TYPE_CHECKING:
     from identifiability.bending import Bending
+    from identifiability.robot import Robot
     from identifiability.workflows.calibrate.calibration import Calibration
     from identifiability.workflows.compare import Comparison
     from identifiability.workflows.diagnose.forward import ForwardGap
@@ -211,15 +211,12 @@ def diagnosis_below(d: Diagnosis) -> Picture | None:
     return _curves(d, 1)[0] if d.curves else None
 
 
-diagnosis_values = table_refitted
-
-
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
     """Return the sections of the page."""
     bending = None if d.bending is None or not d.bending.joints else _section_bending(d.bending)
     return [
-        section_effects(d),
         _section_fitted(d),
+        section_effects(d),
         _section_gap(d),
         None if d.forward is None else section_forward(d.forward, d.robot.joints),
         bending,
@@ -439,7 +436,12 @@ def inspection_heading(result: Inspection) -> tuple[str, str]:
 
 
 def inspection_moving(result: Inspection) -> Moving | None:
-    """Return the robot along the log with the largest torque, of those that can be read."""
+    """Return the robot along the log with the largest torque, of those that can be read.
+
+    Without logs each joint of a tree moves in turn.
+    """
+    if not result.records:
+        return _move_in_turn(result.robot)
     each = [r for r in result.records if np.isfinite(r.q).all() and np.isfinite(r.tau).all()]
     if not each:
         return None
@@ -456,6 +458,20 @@ def inspection_moving(result: Inspection) -> Moving | None:
         lines,
         first.name,
     )
+
+
+def _move_in_turn(robot: Robot) -> Moving | None:
+    """Return each joint of a tree on a base through its range, at most 1 rad or m from home."""
+    if robot.closed or robot.base is not None:
+        return None
+    home = robot.actuated_positions(robot.home[None])
+    joints = np.arange(home.shape[1])
+    t = np.linspace(0.0, 2.0 * len(joints), 50 * len(joints), endpoint=False)
+    phase = np.sin(np.pi * t)[:, None] * (t[:, None] // 2 == joints)
+    reach = np.fmax(np.fmin(np.abs(robot.limits - home.T), 1.0), 0.0)
+    q = home + phase * np.where(phase < 0, *reach.T)
+    poses = {"motion": ("grey", complete_motion(robot, t, q, 0 * q, 0 * q).q)}
+    return move_skeletons(robot, t, poses, lambda rows: [], sentence("inspection.moving"))
 
 
 def inspection_sections(result: Inspection) -> list[Section]:

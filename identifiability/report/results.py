@@ -224,7 +224,7 @@ def _of_page(result: Result, name: str, usual: Any = None) -> Any:
 
 def answer_first(result: Result) -> Answers:
     """Return the first answers of a result's page."""
-    drawn = (_of_page(result, name) for name in ("moving", "below", "values"))
+    drawn = (_of_page(result, name) for name in ("moving", "below"))
     return Answers(result.answers(), tuple(filter(None, drawn)))
 
 

@@ -38,8 +38,6 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     kinds = [k for k in (*JOINT_KINDS, robot.inertia_parts[0]) if rows_of.have(k)]
     known = {} if result.nothing else result.real_robot["parameters"]
     masses = {row["body"]: row for row in mass_rows(robot, known)}
-    if not kinds:
-        return None
     moved = zip(robot.bodies, robot.links, strict=True)
     bodies = {dof: body for body, link in moved for dof in robot.tree.joints[link.last].dofs}
     motors = [a.name for a in robot.axes if a.name not in robot.joints]

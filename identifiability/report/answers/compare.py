@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Cell, Column, Table, frame_table
+from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
@@ -139,17 +139,12 @@ class ComparisonPresenter(AnsweringPresenter):
 
     def tables(self) -> tuple[Table, ...]:
         """Return a row for each number that changed, then the least changes that would show."""
-        every = (part for change in self.result.changes for part in change.parts or (change,))
-        changed = [row for change in every for row in _change_rows(change)]
+        every = [part for change in self.result.changes for part in change.parts or (change,)]
         bodies = [c for c in self.result.changes if np.isfinite(c.centre[0]).all()]
         loads = [make_table("comparison_load", _load_rows(c), place=c.place) for c in bodies]
         limits = _limit_table(self.result.limits)
-        if not changed:
-            return (limits,)
-        table = make_table("comparison", changed)
-        columns = zip(table.columns, *table.rows, strict=True)
-        empty = [c.title for c, *cells in columns if not any(cell.text for cell in cells)]
-        return table.without(*empty), *loads, limits
+        changed = (table_changes(every, "Detected changes"),) if every else ()
+        return *changed, *loads, limits
 
     def frame(self) -> pd.DataFrame:
         """Return one row a number: its change with interval, or the least that would be seen."""
@@ -319,15 +314,11 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
 
 
 def table_changes(changes: Sequence[Change], caption: str) -> Table:
-    """Return the numbers that changed while a log was recorded as a table."""
-    shown = ["what", "name", "change", "log_odds", "logs", "or"]
-    frame = frame_changes(changes)
-    each = frame[["change", "high", "unit"]].itertuples(index=False)
-    frame["change"] = [measured(size, (high - size) / REACH, unit) for size, high, unit in each]
-    frame = frame[shown]
-    frame = frame.loc[:, (frame != "").any()]  # no alternatives are named unless there are some
-    frame["log_odds"] = frame["log_odds"].map(probability_text)
-    return frame_table(frame.rename(columns={"log_odds": "probability", "logs": "in"}), caption)
+    """Return the numbers that changed as a table, without the columns that are empty."""
+    rows = (row for change in changes for row in _change_rows(change))
+    table = make_table("comparison", rows, caption=caption)
+    columns = zip(table.columns, *table.rows, strict=True)
+    return table.without(*(c.title for c, *cells in columns if not any(x.text for x in cells)))
 
 
 def list_loaded(result: Comparison) -> list[str]:
@@ -413,19 +404,18 @@ def _limit_table(unchanged: Sequence[Unchanged]) -> Table:
     Loads are in the caption.
     """
     loads = "".join(f"; load of {x.place}: {_least(x)}" for x in unchanged if x.kind == "load")
-    limits = {(x.place, _title(x)): _limit_cell(x) for x in unchanged if x.kind != "load"}
+    hidden = sentence("comparison.seen", "hidden")
+    limits = {
+        (x.place, _title(x)): Cell(_least(x), x.relative, hidden if _is_hidden(x) else "")
+        for x in unchanged
+        if x.kind != "load"
+    }
     places, titles = (dict.fromkeys(x) for x in zip(*limits, strict=True)) if limits else ((), ())
     rows = [
         (place, *(limits.get((place, title), Cell("")) for title in titles)) for place in places
     ]
     more = [Column(title, "number") for title in titles]
     return make_table("comparison_limits", rows, more=more, loads=loads)
-
-
-def _limit_cell(number: Unchanged) -> Cell:
-    """Return the least change that would be seen; a note where a loss of all would not be."""
-    note = sentence("comparison.seen", "hidden") if _is_hidden(number) else ""
-    return Cell(_least(number), number.relative, note)
 
 
 def _is_hidden(number: Unchanged) -> bool:

@@ -570,47 +570,6 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
                 yield named, parameter, size, p.odds, p.unseen, added
 
 
-def table_refitted(d: Diagnosis) -> Table | None:
-    """Return the friction of the joint with the first effect, without it and with it.
-
-    None if the model got no effect, or values are kept.
-    """
-    effects = d.effects[: min(d.included, 1)]
-    placements = [p for e in effects for p in e.placements if p.sure]
-    before = d.problem.recommended
-    if before is None or not placements:
-        return None
-    most = max(placements, key=lambda p: p.peak)
-    old = dict(zip(d.problem.plain.base.names, before.base, strict=True))
-    rows = _list_refitted(d, most.place, old)
-    if not rows:
-        return None
-    title = title_of(effects[0].name)
-    for name, value, error, unit in most.rows if len(most.rows) < 3 else ():
-        rows.append((Cell(title, note=name), NONE, measured(value, error, unit)))
-    return make_table("refitted", rows, joint=most.place)
-
-
-def _list_refitted(d: Diagnosis, joint: str, old: NumberByName) -> list[tuple[Any, ...]]:
-    """Return rows of the friction of a joint without an effect, and with it.
-
-    Parameters
-    ----------
-    d : Diagnosis
-    joint : str
-    old : mapping of str to float
-        Base parameters without the effect.
-    """
-    new = _list_fitted(d)
-    rows: list[tuple[Any, ...]] = []
-    for kind in JOINT_KINDS:
-        name = f"{joint}.{kind}"
-        if name in old and name in new:
-            without = measured(old[name], new[name][1], new[name][2]).partition(" ±")[0]
-            rows.append((sentence("values", kind), without, measured(*new[name])))
-    return rows
-
-
 def _list_fitted(d: Diagnosis) -> dict[str, tuple[float, float, str]]:
     """Return value, standard error and unit of each parameter that is known alone."""
     base = d.completed.base
@@ -620,8 +579,12 @@ def _list_fitted(d: Diagnosis) -> dict[str, tuple[float, float, str]]:
 
 
 def table_fitted(d: Diagnosis) -> Table | None:
-    """Return friction and rotor of each joint as fitted, and by the file; None without any."""
+    """Return friction and rotor of each joint as fitted, and by the file; None without any.
+
+    Joints with an effect have their values without it as well.
+    """
     fitted = {} if d.nothing else _list_fitted(d)
+    plain = _list_plain(d)
     present = {name.rpartition(".")[2] for name in fitted}
     kinds = [kind for kind in (*JOINT_KINDS, d.robot.inertia_parts[0]) if kind in present]
     rows = []
@@ -629,16 +592,30 @@ def table_fitted(d: Diagnosis) -> Table | None:
         names = [f"{joint}.{kind}" for kind in kinds]
         if not any(name in fitted for name in names):
             continue
-        cells = [_fitted_cell(fitted.get(x), d.robot.nominal.get(x, 0.0)) for x in names]
+        cells = [_fitted_cell(fitted.get(x), d.robot.nominal.get(x), plain.get(x)) for x in names]
         rows.append((joint, *cells))
     return Table.of("", kind_columns(d.robot, kinds), rows) if rows else None
 
 
-def _fitted_cell(fitted: tuple[float, float, str] | None, file: float) -> Cell:
-    """Return a value with its standard error, and the value of the file."""
+def _list_plain(d: Diagnosis) -> NumberByName:
+    """Return the values of joints with a named effect under the model without it."""
+    before = d.problem.recommended
+    if before is None:
+        return {}
+    places = {p.place for e in d.effects[: d.included] for p in e.placements if p.sure}
+    each = zip(d.problem.plain.base.names, before.base.tolist(), strict=True)
+    return {name: value for name, value in each if name.rpartition(".")[0] in places}
+
+
+def _fitted_cell(
+    fitted: tuple[float, float, str] | None, file: float | None, plain: float | None
+) -> Cell:
+    """Return a value with its standard error, its value without the effects, and the file's."""
     if fitted is None:
         return Cell(NONE)
-    stated = sentence("values", "file" if file else "unstated", value=stated_text(file))
+    stated = sentence("values", "file" if file else "unstated", value=stated_text(file or 0.0))
+    if plain is not None:
+        stated = sentence("values", "plain", value=stated_text(plain, fitted[1]), stated=stated)
     return Cell(measured(*fitted), fitted[0], stated)
 
 

@@ -275,8 +275,10 @@ class PositionPredictionPresenter(AnsweringPresenter):
         logs = [log.name for log in result.logs]
         short = sentence("rollout.errors", "moves", logs=logs, **holes)
         tone = "amber" if usual.tone == "vermilion" else usual.tone  # only its torque is poor
-        more = join_sentences(torque, usual.text, usual.more)
-        return replace(usual, short=join_sentences(short, advice), text="", more=more, tone=tone)
+        more = join_sentences(usual.text, usual.more)
+        return replace(
+            usual, short=join_sentences(short, advice), text=torque, more=more, tone=tone
+        )
 
 
 def _state_alone(result: PositionPrediction) -> tuple[str, str]:
