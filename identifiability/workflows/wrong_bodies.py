@@ -41,7 +41,8 @@ class WrongBodies:
     ----------
     hypotheses : tuple of (str, str)
     change, sd : float
-        Mass of the first body relative to the file's, minus one, with its standard error.
+        Mass of the first body relative to the file's, minus one, with its standard error; infinite
+        if its centre or inertia is wrong as well.
     springs : mapping of str to (b,)
         Change of the base parameters by the likeliest spring at each joint of the hypotheses.
     """
@@ -94,8 +95,16 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
     }
     if best[1] == "spring":
         return WrongBodies(likely, springs=changed)
-    mass = sizes_of((best[0], "mass"))
-    return WrongBodies(likely, float(mass.value[0]), float(np.sqrt(mass.covariance[0, 0])), changed)
+    key: Hypothesis = best[0], "mass"
+    mass = sizes_of(key)
+    white = _whiten(
+        roots[int(evidence[key].argmax())],
+        np.column_stack([shapes[best[0], "other"], off - shapes[key] @ mass.value]),
+    )
+    left = np.linalg.qr(white[:, :-1])[0].T @ white[:, -1]
+    alone = left @ left < RULES.contradicted**2
+    sd = root_diagonal(mass.covariance)[0] if alone else np.inf
+    return WrongBodies(likely, float(mass.value[0]), float(sd), changed)
 
 
 def find_wrong_zero(

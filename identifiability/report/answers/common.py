@@ -674,7 +674,7 @@ def _state_wrong_bodies(wrong: WrongBodies) -> str:
     named = dict[tuple[str, bool], str]()
     for place, kind in wrong.hypotheses:
         part: str = "other" if kind == "mass" else kind
-        if kind == "mass" and not named:
+        if kind == "mass" and not named and wrong.sd < np.inf:
             lighter = "lighter" if wrong.change > -1 else "negative"
             part = "heavier" if wrong.change > 0 else lighter
         holes = {"place": place, "share": abs(wrong.change), "sd": wrong.sd}
