@@ -42,6 +42,7 @@ def test_a_robot_of_ones_own_gets_a_sidecar_and_a_template(tmp_path):
     loaded = Case.load(made.folder).robot
     assert (loaded.sidecar, loaded.base) == (made.folder / "dog.toml", None)
     assert (made.folder / "template.csv").read_text().startswith("t,FL_hip_joint.q,")
+    assert "# [[loops]]\n# body1" in loaded.sidecar.read_text()
     assert "template.csv" in made.statement
 
 

@@ -23,6 +23,11 @@ A table is a TOML file; angles are in rad, or in its unit ``angles``, lengths in
     inertia = {xx = 0.13, yy = 0.52, zz = 0.54, xy = 0, xz = 0, yz = 0}
 
     [sidecar]                 # any keys of a sidecar
+    actuated = ["shoulder"]   # default: every joint
+    [[sidecar.loops]]         # a closed chain: a point of one body is a point of another
+    body1 = "coupler"
+    point1 = [0.3, 0, 0]
+    body2 = "crank"
 
 A modified frame is that of the URDF link. A standard one lies behind the joint: it is the link
 ``<name>_end``, without mass. `Robot.build` states ``position``, ``rpy`` and ``axis`` instead
