@@ -85,6 +85,7 @@ def test_base_parameters_are_those_that_analyze_fits(name):
     assert known.loc[first, "grouping"] == found.base.labels[0]
     assert {j.name for j in found.joints if j.role == "passive"} == set(found.robot.passive)
     assert str(found.base.rank) in found.details
+    assert ('class="robots"' in found._repr_html_()) is not found.robot.closed
 
 
 def test_columns_of_a_template_are_those_that_a_log_is_read_by(tmp_path, gripper):

@@ -68,9 +68,10 @@ def test_every_text_of_every_block_is_escaped():
     assert html.count("&lt;img") > 20
 
 
-def test_of_many_checks_one_is_open():
-    notes = (Notes((Note("warning", "t", "x"),) * 4),)
-    assert "3 more to check" in render_page(Page("t", "s", (), summary=(Answers((), notes=notes),)))
+def test_of_many_notes_one_is_open():
+    for level, rest in (("warning", "4 more to check"), ("note", "4 more remarks")):
+        notes = (Notes((Note(level, "t", "x"),) * 5),)
+        assert rest in render_page(Page("t", "s", (), summary=(Answers((), notes=notes),)))
 
 
 def test_a_page_forbids_itself_to_load_anything():

@@ -94,7 +94,7 @@ class LoadPresenter(AnsweringPresenter):
             value = measured(times * q.value, times * q.sigma, unit) if q.told else NONE
             row = result[q.name]
             word = said = row.verdict
-            ends = span_cell(times * q.low, times * q.high, unit)
+            ends = span_cell(times * q.low, times * q.high, unit, 3 + bool(result.gains))
             if _is_bounded(q):
                 ends, said = _bound_cell(q.high, unit), sentence("payload.known", "limit")
             rows.append((q.name, value, ends, Cell(said, word, row.reason, word)))
