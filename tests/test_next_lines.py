@@ -50,7 +50,7 @@ FEW = TYPED[2:3]
 NOISE = Noise(torque=0.02)
 
 #: What somebody has yet to measure, and the log that stands for it here.
-MEASURED = {"next.csv": "b.csv", "another.csv": "b.csv", "empty.csv": "a.csv"}
+MEASURED = {"next.csv": "b.csv", "another.csv": "b.csv", "unloaded.csv": "a.csv"}
 
 
 @pytest.fixture(scope="module")

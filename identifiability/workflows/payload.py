@@ -25,7 +25,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.linalg import NEARLY
+from identifiability.foundation.linalg import NEARLY, root_diagonal
 from identifiability.foundation.names import (
     GROUPED_KINDS,
     INERTIAL_KINDS,
@@ -302,6 +302,8 @@ def state_quantities(
     half = _half_widths(found, body, scale)
     low = values - half
     high = values + half
+    less = found.theta[9] < -REACH * root_diagonal(found.covariance)[9]
+    low[0] *= not less  # the nearest possible body is far from the estimate
     vague = POSITIVE & (low <= 0)
     moment = 0.0 if vague[4:7].any() else values[4:7].min()
     size = np.repeat([length, moment], [4, 6])
@@ -315,7 +317,15 @@ def state_quantities(
         elif k and unsure[0]:
             why = phrase("untold", "mass")
         elif unsure[k]:
-            part = "most" if POSITIVE[k] else "vague" if unit == "m" else "product"
+            part = (
+                "less"
+                if less and not k
+                else "most"
+                if POSITIVE[k]
+                else "vague"
+                if unit == "m"
+                else "product"
+            )
             why = phrase("untold", part, length=length)
         out.append(Quantity(name, unit, float(values[k]), float(low[k]), float(high[k]), why))
     return tuple(out)

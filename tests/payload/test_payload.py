@@ -1,6 +1,7 @@
 """A load that is planted is found; what is not known of the robot is not known of the load."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -130,6 +131,13 @@ def test_a_load_is_weighed_whether_or_not_its_weight_was_subtracted(
     assert found.mass.half < (0.35 if compensated else 0.11)
     assert bool(of_key(found.hints, "load_weight")) == (compensated != entered)
     assert not found.caveats
+
+
+def test_a_log_with_less_than_the_fitted_ones_has_no_load(fit, make_logs):
+    less = PlantedLoad(-1.5, np.zeros(3), -0.01 * np.eye(3))
+    found = payload(ARM, fit(ARM), make_logs(ARM, less, seed=3)[1])
+    assert re.match("link_6 carries 1.[45].* less", found.answer)
+    assert not any(q.told for q in found.quantities)
 
 
 def test_a_load_that_the_controller_subtracts_altogether_is_asked_for(fit, make_logs):

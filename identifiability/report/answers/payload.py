@@ -13,6 +13,7 @@ import pandas as pd
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.findings import phrase
+from identifiability.foundation.linalg import root_diagonal
 from identifiability.foundation.names import Strings, shorten_paths
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
@@ -60,7 +61,7 @@ class LoadPresenter(AnsweringPresenter):
             line = " && identifiability ".join((*lines, again))
             out = [command("weigh_again", line, names=fit.missing, count=fit.missing)]
         if not (result.without or result.gains):
-            weigh = f"payload {self.robot} {fitted} {logs} {body} --without empty.csv"
+            weigh = f"payload {self.robot} {fitted} {logs} {body} --without unloaded.csv"
             out.insert(0, command("weigh", weigh))
         if result.gains and result.without:
             unloaded = name_logs(result.robot, result.without)
@@ -148,13 +149,21 @@ def _list_missing(result: Load) -> Strings:
     return result.fit.missing if result.fit else ()
 
 
+def _is_less(result: Load) -> bool:
+    """Return whether the logs have less on the body than those of the result."""
+    return result.mass.why == phrase("untold", "less")
+
+
 def _state_load(result: Load) -> str:
     """Return the mass in one sentence."""
     about, mass, body = "payload.load", result.mass, result.body
     if not np.isfinite(mass.sigma):
         return sentence(about, "unknown", body=body)
     if not mass.told:
-        return sentence(about, "nothing", body=body, most=mass.high)
+        part = "less" if _is_less(result) else "nothing"
+        estimate = result.estimate
+        less = measured(-estimate.theta[9], root_diagonal(estimate.covariance)[9], "kg")
+        return sentence(about, part, body=body, most=mass.high, less=less)
     raw, by_file = result.as_measured[0], result.by_file[0]
     each = [measured(m.value, m.sigma, "kg") for m in (by_file, raw)]
     holes = dict(zip(("mass", "raw"), each, strict=True), body=body)
@@ -178,8 +187,8 @@ def _answer_load(result: Load) -> Answer:
     """Return the mass and the centre of the load."""
     question = sentence("payload.load", "question")
     if not result.mass.told:
-        nothing = np.isfinite(result.mass.sigma)
-        text = sentence("payload.load", "entered") if nothing else ""
+        part = "exchange" if _is_less(result) else "entered"
+        text = sentence("payload.load", part) if np.isfinite(result.mass.sigma) else ""
         return Answer(question, result.answer, text, "amber")
     interval = sentence("payload.load", "interval", low=result.mass.low, high=result.mass.high)
     doubtful = result.scale.contradicts
