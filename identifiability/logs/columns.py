@@ -689,9 +689,8 @@ def resolve_numbers(
         own = [g for g in loose if g.kind == kind]
         if own and not {f"{j}.{kind}" for j in known.joints} <= named:
             found += _in_order(own, source, known)
-    numbered = any(g.number >= 0 for g in found)
-    plain = numbered and known.as_listed == known.joints
-    return [*told, *found], " (in the robot's order)" if plain else ""
+    numbered = known.as_listed == known.joints and any(g.number >= 0 for g in found)
+    return [*told, *found], " (in the robot's order)" if numbered else ""
 
 
 def _tell_order(taken: Iterable[Column], source: str, known: Conventions) -> list[Finding]:

@@ -398,12 +398,10 @@ def _distance_to_commands(frame: pd.DataFrame, naming: Naming) -> float:
 
 def add_lengths(frame: pd.DataFrame, known: Conventions) -> pd.DataFrame:
     """Return a table with positions of tendons, if it has those of their joints instead."""
-    names = {rename(column.strip(), known): column for column in frame.columns}
-    guesses = (guess_column(column, name, ()) for name, column in names.items())
-    numbered = sorted((g.number, g.source) for g in guesses if g and g.kind == "q")
-    if len(numbered) == len(known.listed):
-        by_number = zip(known.listed, numbered, strict=True)
-        names = {f"{joint}.q": column for joint, (_, column) in by_number} | names
+    if not known.lengths:
+        return frame
+    names = _number_positions(frame, known)
+    names |= {rename(column.strip(), known): column for column in frame.columns}
     more = {}
     for tendon, along in known.lengths.items():
         sources = {joint: names.get(f"{joint}.q") for joint in along.terms}
@@ -415,6 +413,14 @@ def add_lengths(frame: pd.DataFrame, known: Conventions) -> pd.DataFrame:
             length += Polynomial(powers)(unit * to_floats(frame[sources[joint]]))
         more[f"{tendon}.q"] = length / unit
     return frame.assign(**more) if more else frame
+
+
+def _number_positions(frame: pd.DataFrame, known: Conventions) -> dict[str, str]:
+    """Return numbered columns of positions by the joints of the file, if there are as many."""
+    guesses = (guess_column(column, column, ()) for column in frame.columns)
+    numbered = sorted((g.number, g.source) for g in guesses if g and g.kind == "q")
+    pairs = zip(known.listed, numbered, strict=False)
+    return {f"{j}.q": c for j, (_, c) in pairs} if len(numbered) == len(known.listed) else {}
 
 
 def move_motors(columns: ArrayByName, known: Conventions) -> dict[str, Array]:
