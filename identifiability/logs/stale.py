@@ -26,6 +26,9 @@ def restore_values(values: Array) -> tuple[Array, int]:
     x = values / sizes
     row = np.arange(1, len(x) + 1)
     repeats = np.append(False, ~np.any(np.diff(x, axis=0), axis=1))
+    # Commands that stand are no stale rows.
+    stands = repeats & (np.roll(repeats, 1) | np.roll(repeats, -1))
+    repeats &= ~stands
     apart = np.diff(np.flatnonzero(~repeats))
     if not np.isin((1, 2), apart).all():
         return values, 0
@@ -36,7 +39,7 @@ def restore_values(values: Array) -> tuple[Array, int]:
     ends = [_find_stale(x, repeats, start, weights[k:]) for start in starts for k in (0, 3)]
     roughness, is_stale, smooth = min(ends, key=itemgetter(0))
     # Values at random are smoother by some percent, as rows are chosen so.
-    if roughness > 0.9 * _usual_roughness(x, repeats, apart[apart <= 2].mean(), weights[-1]):
+    if roughness > 0.9 * _usual_roughness(x, repeats, apart.mean(), weights[-1]):
         return values, 0
     restored = smooth * sizes
     restored[row - is_stale] = values

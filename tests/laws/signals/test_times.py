@@ -1,5 +1,7 @@
 """Times in seconds, thousandths of them and dates: taken where only one unit fits the steps."""
 
+from itertools import accumulate
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -169,6 +171,13 @@ def test_what_comes_at_the_times_of_rows_appears_in_them_or_the_next():
     of_clock = np.sin(np.outer(np.arange(602), [0.11, 0.17]))
     seen = of_clock[np.arange(1, 601) - (default_rng(3).random(600) > 0.6)]
     assert (restore_values(seen)[0] - of_clock[1:-1]).std() < 0.02  # .06 before
+
+
+def test_commands_that_stand_between_ramps_stay_in_their_rows():
+    rng = default_rng(3)
+    goals = np.repeat(rng.uniform(-0.4, 0.4, (20, 3)), rng.integers(2, 60, 20), axis=0)
+    ramps = [*accumulate(goals, lambda y, goal: y + np.clip(goal - y, -0.04, 0.04))]
+    assert restore_values(np.array(ramps))[1] == 0  # 271 before
 
 
 def test_lost_rows_beside_pauses_make_no_clock_of_their_own_of_commands():
