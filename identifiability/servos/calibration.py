@@ -9,13 +9,17 @@ those of the log (calibrated instrumental variables).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array, NumberByName
-from identifiability.logs import Log
+from identifiability.logs import Log, signals
+from identifiability.logs.commands import longest_delay
 from identifiability.logs.log import bridge_gaps
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.structure import Structure
@@ -185,3 +189,54 @@ def prepare_recording(
             direction[:, j] = np.rint(W[:, j, columns.index(f"{joint}.Fc")])
     residual = np.where(moves, residual, 0.0)
     return Recording(samples.motion.kept, modelled, residual, moves, direction, W)
+
+
+def fit_delay(structure: Structure, logs: Sequence[Log]) -> tuple[float, float]:
+    """Return the delay [s] with which the model explains the torque of commands best, and its sd.
+
+    Parameters
+    ----------
+    structure : Structure
+        Of a robot with servos.
+    logs : sequence of Log
+        With commands, in the robot's order of joints.
+    """
+    dt = max(signals.sampling_step(log.t) for log in logs)
+    misfit = _delay_likelihood(structure, logs, Preparation(cutoff=0.1 / dt))
+    grid = dt * np.arange(-1, min(map(longest_delay, logs)) + 1)
+    start = min(grid, key=misfit)
+    best = scipy.optimize.minimize_scalar(misfit, bounds=(start - dt, start + dt), method="bounded")
+    near = 0.1 * dt
+    curvature = misfit(best.x - near) - 2 * best.fun + misfit(best.x + near)
+    return float(best.x), float(near / np.sqrt(max(curvature, 1e-12)))
+
+
+def _delay_likelihood(
+    structure: Structure, logs: Sequence[Log], how: Preparation
+) -> Callable[[float], float]:
+    """Return the negative log likelihood of a delay [s], with a noise of each joint.
+
+    Steps of held commands between rows bias it where torque is kept up to a high frequency.
+    """
+    robot = structure.robot
+    samples = [prepare_log(robot, log, how) for log in logs]
+    regression = structure.regression(samples)
+
+    def torque(delay: float) -> Array:
+        assert robot.servo is not None
+        changes = [servo_log(log, robot.servo, delay).tau - log.tau for log in logs]
+        pairs = zip(samples, changes, strict=True)
+        later = [replace(s, tau=s.tau + change[s.motion.kept]) for s, change in pairs]
+        return np.concatenate([c.tau for c in regression.with_torque(later).chunks()])
+
+    scale = or_one(torque(0.0).std(axis=0))
+    W = np.concatenate([c.W for c in regression.chunks()]) / scale[:, None]
+    count = W.any(axis=2).sum(axis=0)
+    basis = scipy.linalg.orth(W.reshape(-1, W.shape[2]))
+
+    def misfit(delay: float) -> float:
+        rows = torque(delay) / scale
+        residual = rows - (basis @ (basis.T @ rows.ravel())).reshape(rows.shape)
+        return float(0.5 * count @ np.log(or_one((residual**2).sum(axis=0))))
+
+    return misfit

@@ -29,7 +29,7 @@ from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 
 from .arrivals import leave_out_irregular, move_commands
-from .calibration import calibrate_torque, prepare_recording
+from .calibration import calibrate_torque, fit_delay, prepare_recording
 from .contacts import fit_unblocked, move_by_rollouts, set_aside_blocked, state_blocked
 from .fit import approach_rollouts, compare_bodies, divide_gains, refit_rollouts, share_turns
 from .gains import file_shares, with_numbers
@@ -105,7 +105,8 @@ def follow_commands(
     try:
         found = servo.rolled or fit_unblocked(robot, logs, file_shares(robot), say, first)
     except RobotError as error:
-        return _without_rollouts(recordings, servo, error), structure
+        say("locating commands", 0.35)
+        return _without_rollouts(recordings, structure, at, error), structure
     aside = [set_aside_rows(*pair) for pair in zip(logs, found.blocked, strict=True)]
     slide = CommandedRobot(robot, found.parameters).distance(found.numbers)
     servo = replace(servo, slide=slide)
@@ -351,11 +352,39 @@ def _state_calibrated(servos: IdentifiedServos, logs: Sequence[Log]) -> Finding:
     return Finding("commands" if rolled else "rollouts", text=text)
 
 
-def _without_rollouts(recordings: Recordings, servo: Servo, error: RobotError) -> Recordings:
-    """Return recordings that say why their torque is not calibrated."""
-    text = phrase("rollouts", "none" if servo.delay is None else "stated", error=str(error))
-    hint = Finding("rollouts", text=text)
-    return replace(recordings, hints=(hint, *recordings.hints))
+def _without_rollouts(
+    recordings: Recordings,
+    structure: Structure,
+    at: Sequence[int],
+    error: RobotError,
+) -> Recordings:
+    """Return recordings with the delay by least squares, and why their torque is not calibrated.
+
+    Parameters
+    ----------
+    recordings, structure
+        As of `follow_commands`.
+    at : sequence of int
+        Places of the fitted logs with commands.
+    error : RobotError
+        Why rollouts failed.
+    """
+    servo = structure.robot.servo
+    assert servo is not None
+    delay, sd = servo.delay, 0.0
+    if delay is None:
+        delay, sd = fit_delay(structure, [recordings.fitted[k] for k in at])
+        recordings = _move_later(recordings, servo, delay)
+    own = {k: recordings.fitted[k] for k in at}
+    variants = [(servo, sd)] * (sd > 0) + [(rival, 0.0) for rival in servo.doubted]
+    later = [
+        {k: replace_servo(log, servo, *variant) for k, log in own.items()} for variant in variants
+    ]
+    late = {"late": 1e3 * delay, "delay": round(delay, 4)}
+    which = "none" if servo.delay is None else "stated"
+    texts = phrase("rollouts", which, error=str(error), **late), servo.state_lags()
+    hint = Finding("rollouts", text=" ".join(filter(None, texts)))
+    return replace(recordings, hints=(hint, *recordings.hints), later=tuple(later))
 
 
 def _delay_doubts(own: dict[int, Log], servo: Servo, found: Rollouts) -> list[dict[int, Log]]:
@@ -449,13 +478,17 @@ def _undamped_joints(robot: Robot, servo: Servo, torque: Array) -> list[str]:
 
 
 def delay_commands(recordings: Recordings, servo: Servo, delay: float) -> Recordings:
+    """Return recordings with commands that act later by some time [s], and a finding on it."""
+    said = Finding("commands", text=phrase("commands", "later", by=1e3 * delay))
+    moved = _move_later(recordings, servo, delay)
+    return replace(moved, hints=(*recordings.hints, said))
+
+
+def _move_later(recordings: Recordings, servo: Servo, delay: float) -> Recordings:
     """Return recordings with commands that act later by some time [s]."""
     both = (recordings.fitted, recordings.held_out)
     fitted, held_out = (
         tuple(replace_servo(x, servo, servo, delay) if of_commands(x) else x for x in logs)
         for logs in both
     )
-    text = phrase("commands", "later", by=1e3 * delay)
-    said = Finding("commands", text=text)
-    hints = (*recordings.hints, said)
-    return replace(recordings, fitted=fitted, held_out=held_out, hints=hints)
+    return replace(recordings, fitted=fitted, held_out=held_out)

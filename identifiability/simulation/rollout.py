@@ -160,10 +160,9 @@ class CommandedRobot:
         spatial = any(cable.points for cable in robot.cables)
         if robot.loops or spatial or robot.transmission is not None:
             raise RobotError(
-                f"{robot.path}: commands move joints one by one, joints that follow others, and "
-                "tendons along joints. This robot has loops, tendons between bodies, or a "
-                "[transmission]. State the gains of its servos ([servo] kp = …, kv = …): its "
-                "torque is computed without rollouts, and predicted without --forward."
+                f"{robot.path} has loops, tendons between bodies, or a [transmission]: commands "
+                'do not move it in simulation (--forward), so no gain can be fitted ("fit"). '
+                "Torque is computed from the gains of the file or of the sidecar ([servo])."
             )
         self.robot = robot
         self.servo = servo
