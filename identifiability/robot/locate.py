@@ -445,7 +445,7 @@ def _check_expanded(path: Path, root: Element) -> None:
             left = named[0] if named else f"<xacro:{tag}>"
             raise RobotError(
                 f"{path} is a xacro file that was not expanded ('{left}' is left in it); run "
-                f"xacro {path_for_shell(path.name)} > robot.urdf and give robot.urdf."
+                f"xacro {path_for_shell(path.name)} > expanded.urdf and give expanded.urdf."
             )
 
 

@@ -24,6 +24,12 @@ def leaning(robot, degrees):
     return turn(robot.gravity, np.radians(degrees) * (0.6 * first + 0.8 * second))
 
 
+def torque_of(robot, motion):
+    """Torque of another robot along the actuated motion."""
+    own = motion.actuated_q, motion.actuated_v, motion.actuated_a
+    return rigid_torque(robot, complete_motion(robot, motion.t, *own))
+
+
 @pytest.mark.parametrize("degrees", ANGLES)
 @pytest.mark.parametrize("ending", [".xml", ".urdf"])
 @pytest.mark.parametrize("name", ["six-dof-arm", "3-rps"])
@@ -38,9 +44,8 @@ def test_a_written_file_has_the_torque_of_the_model_by_both_roads(name, ending, 
     written = write_parameters(structure.robot, robot.nominal, tmp_path / f"copy{ending}")
     copy = Robot.load(written.robot)
     own = motion.actuated_q, motion.actuated_v, motion.actuated_a
-    again = complete_motion(copy, motion.t, *own)
     scale = np.abs(tau).max()
-    assert_allclose(rigid_torque(copy, again), tau, atol=1e-9 * scale)
+    assert_allclose(torque_of(copy, motion), tau, atol=1e-9 * scale)
     assert_allclose(MujocoRobot(copy).inverse_dynamics(*own).tau, tau, atol=1e-7 * scale)
     assert np.abs(tau - rigid_torque(robot, motion)).max() > 1e-3 * scale
 
@@ -75,9 +80,7 @@ def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(tmp_path
     robot = Robot.load(tmp_path / "wall.xml")
     motion = random_motion(robot, default_rng(0), 10)
     copy = Robot.load(write_parameters(robot, {}, tmp_path / "copy.urdf").robot)
-    own = motion.actuated_q, motion.actuated_v, motion.actuated_a
-    again = complete_motion(copy, motion.t, *own)
-    assert_allclose(rigid_torque(copy, again), rigid_torque(robot, motion), atol=1e-9)
+    assert_allclose(torque_of(copy, motion), rigid_torque(robot, motion), atol=1e-9)
 
 
 @pytest.fixture(scope="module")

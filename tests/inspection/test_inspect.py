@@ -69,7 +69,7 @@ def test_numbers_count_the_joints_that_follow_the_commands(gripper, counted):
     motors = '<position joint="finger1" kp="9"/><position joint="lift" kp="9"/>'
     gripper.write_text(re.sub("<motor.*/>", motors, GRIPPER))
     t = np.arange(100) / 50
-    q = {"finger1": t % 0.3, "lift": t % 0.7, "finger2": 0.01 - 2 * (t % 0.3)}
+    q = {"finger1": t % 0.3, "lift": t % 0.7, "finger2": -t}
     table = {f"action[{k}]": q[joint] + 0.01 for k, joint in enumerate(("finger1", "lift"))}
     table |= {f"q[{k}]": q[joint] for k, joint in enumerate(counted.split())}
     (log,) = inspect(gripper, pd.DataFrame(table | {"t": t})).records

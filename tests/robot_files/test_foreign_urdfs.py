@@ -20,16 +20,12 @@ URDF = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
 
 
 @pytest.fixture
-def load(tmp_path):
+def load(load_text):
     """A function (old text, new text, sidecar) -> the robot of the changed file."""
 
-    def change(old="", new="", sidecar=""):
-        path = tmp_path / "arm.urdf"
+    def change(old="", new="", sidecar=None):
         assert old in URDF
-        path.write_text(URDF.replace(old, new, 1))
-        if sidecar:
-            path.with_suffix(".toml").write_text(sidecar)
-        return Robot.load(path)
+        return load_text(URDF.replace(old, new, 1), "urdf", sidecar)
 
     return change
 
@@ -56,7 +52,7 @@ def test_what_xacro_would_add_is_not_lost_without_a_word(load, old, new, left, r
     with rejected("xacro file that was not expanded") as error:
         load(old, new)
     assert left in str(error.value)
-    assert "run xacro arm.urdf > robot.urdf and" in str(error.value)
+    assert "run xacro robot.urdf > expanded.urdf and" in str(error.value)
 
 
 def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load, rejected):

@@ -16,16 +16,9 @@ LINK = '<link name="link_3">'
 
 
 @pytest.fixture
-def load(tmp_path):
+def load(load_text):
     """A function (text, sidecar) -> the robot of a URDF."""
-
-    def read(text, sidecar=""):
-        path = tmp_path / "arm.urdf"
-        path.write_text(text)
-        path.with_suffix(".toml").write_text(sidecar)
-        return Robot.load(path)
-
-    return read
+    return lambda text, sidecar="": load_text(text, "urdf", sidecar)
 
 
 def simulated(robot):

@@ -149,6 +149,10 @@ def test_intervals_hold_what_weak_directions_leave_biased():
     assert np.mean(held, 0).min() > 0.95 - 4 * np.sqrt(0.95 * 0.05 / trials)
 
 
+def check_coverage(held):
+    assert abs(np.mean(held) - 0.95) < 4 * np.sqrt(0.95 * 0.05 / len(held))
+
+
 def test_intervals_hold_a_motion_that_is_half_noise():
     trials = 60
     held = []
@@ -161,8 +165,7 @@ def test_intervals_hold_a_motion_that_is_half_noise():
         held.append(np.abs(fit.value - TRUTH) <= 1.96 * np.maximum(fit.sigma, drawn))
         plain = estimate(information)
         short.append(np.abs(plain.value - TRUTH) <= 1.96 * plain.sigma)
-    share = np.mean(held)
-    assert abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / trials)
+    check_coverage(held)
     assert np.mean(short, 0)[3] < 0.1
 
 
@@ -188,8 +191,7 @@ def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
     error = values.std(0, ddof=1)
     assert np.all(np.abs(values.mean(0) - TRUTH) < 4 * error / np.sqrt(trials))
     assert np.all(np.abs(plain.mean(0) - TRUTH).max() > 1.5 * plain.std(0).max())
-    share = np.mean(held)
-    assert abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / trials)
+    check_coverage(held)
     for one in np.mean(means, 0):  # by formula, by scores, by resampling
         assert_allclose(one, error, rtol=4 / np.sqrt(2 * trials))
 

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Log
 from identifiability.foundation.names import Renames
@@ -204,19 +205,19 @@ def read_scaled(columns, size, offset=0.0, **known):
 @pytest.mark.parametrize("size", [-1.0, 5e-5])
 def test_speeds_with_a_unit_take_the_direction_of_counts_and_not_their_size(size):
     table = {"a.q": Q / size, "a.dq [rad/s]": DQ * np.sign(size)}
-    np.testing.assert_allclose(read_scaled(table, size), (Q, DQ))
+    assert_allclose(read_scaled(table, size), (Q, DQ))
 
 
 @pytest.mark.parametrize("size", [1.0, -1 / 175])
 def test_a_scale_multiplies_the_unit_of_the_heading(size):
     """Such as a motor's angle in degrees behind a gear, counted the other way."""
     motor = {"a.q [deg]": np.degrees(Q - 0.3) / size, "a.dq [deg/s]": np.degrees(DQ) / size}
-    np.testing.assert_allclose(read_scaled(motor, size, 0.3), (Q, DQ), atol=1e-12)
+    assert_allclose(read_scaled(motor, size, 0.3), (Q, DQ), atol=1e-12)
 
 
 def test_a_direction_keeps_degrees():
     (q,) = read_scaled({"a.q": -np.degrees(T)}, -1.0, degrees=("a",))
-    np.testing.assert_allclose(q, T, atol=1e-12)
+    assert_allclose(q, T, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", DIMENSIONS)

@@ -35,16 +35,18 @@ def positions_and_torques(q, tau):
     return merged(topic(q, "q"), topic(tau, "tau"))
 
 
+#: Times of samples [s].
+FAST, SLOW = 0.002 * np.arange(4000) + 0.0007, 0.01 * np.arange(790) + 0.0031
+
+
 def deviation(log, kind):
     true = channel(log.t, kind)
     return np.abs(getattr(log, kind) - true).max() / np.abs(true).max()
 
 
 def test_fast_positions_are_taken_at_the_times_of_slow_torques():
-    q = 0.002 * np.arange(4000) + 0.0007
-    tau = 0.01 * np.arange(790) + 0.0031
-    log = Log.from_frame(positions_and_torques(q, tau), "log")
-    assert_array_equal(log.t, tau)
+    log = Log.from_frame(positions_and_torques(FAST, SLOW), "log")
+    assert_array_equal(log.t, SLOW)
     assert deviation(log, "q") < 1e-9
     assert deviation(log, "tau") == 0.0
     assert "q in 4000, tau in 790 of" in log.notes[-1]
@@ -54,8 +56,7 @@ def test_fast_positions_are_taken_at_the_times_of_slow_torques():
 
 def test_fast_torques_are_taken_at_the_times_of_slow_positions():
     q = 0.01 * np.arange(800)
-    tau = 0.002 * np.arange(4000) + 0.0007
-    log = Log.from_frame(positions_and_torques(q, tau), "log")
+    log = Log.from_frame(positions_and_torques(q, FAST), "log")
     assert_array_equal(log.t, q[1:])  # between the first torque and the last
     assert deviation(log, "q") == 0.0
     assert 0 < deviation(log, "tau") < 1e-4
@@ -152,9 +153,7 @@ def test_single_empty_cells_are_broken_rows_still_but_of_torque_they_leave_an_eq
 
 def test_a_long_file_of_several_rates_is_read_as_a_short_one(tmp_path, read_long):
     path = tmp_path / "log.parquet"
-    q = 0.002 * np.arange(4000) + 0.0007
-    tau = 0.01 * np.arange(790) + 0.0031
-    positions_and_torques(q, tau).to_parquet(path)
+    positions_and_torques(FAST, SLOW).to_parquet(path)
     short = Log.read(path)
     long = read_long(path)
     assert long.notes == short.notes
