@@ -21,7 +21,7 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of, to_row
 from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
 from identifiability.foundation.errors import listing
-from identifiability.foundation.findings import of_key
+from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
@@ -506,6 +506,9 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
         usual = replace(usual, more=join_sentences(usual.more, places))
     if doubt or not odd:
         return usual
+    # What the fit has accounted for does not lead where the model lacks an effect.
+    if missing and all(isinstance(x, Finding) and x.numbers.get("play") == [] for x in odd):
+        return replace(usual, text=list_points(usual.text, *odd))
     # One answer says once that care is needed.
     prefix = sentence("trust", "care", grave="").rstrip(".")
     second = capital(usual.short.removeprefix(prefix))
