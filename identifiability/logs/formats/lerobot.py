@@ -134,7 +134,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
     import pyarrow.dataset as ds  # noqa: PLC0415
 
-    folder, _ = split_episodes(path)
+    folder = split_episodes(path)[0]
     episodes = list_episodes(path)
     if len(episodes) > 1:
         raise LogError(
