@@ -98,7 +98,7 @@ def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_
 def test_json_and_report_hold_the_ladder(pruned, tmp_path):
     assert len(pruned.to_dict()["full_parameters"]) == 37
     page = pruned.write_report(tmp_path / "p.html").read_text()
-    for words in ("12 of 37 parameters are enough", "What survives", "rotors"):
+    for words in ("12 of 37 parameters are enough", "What survives", "Values of each joint"):
         assert words in page
 
 

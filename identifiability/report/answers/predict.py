@@ -381,9 +381,15 @@ def _answer_positions(result: PositionPrediction) -> Answer:
     span = state_span(result)
     least, most = totals.min(), totals.max()
     if most > (1 + VISIBLE) * least > 0 and len(_list_units(result)) == 1:
-        near, far = name_runs(result, "The ")[order[0]], names[order[1]]
+        near = name_runs(result, "The ")[order[0]]
         size, other = (_state_size(result, result.runs[k].errors) for k in order)
-        holes = {"near": near, "far": far, "size": size, "other": other, "times": most / least}
+        holes = {
+            "near": near,
+            "far": names[order[1]],
+            "size": size,
+            "other": other,
+            "times": most / least,
+        }
         short = sentence(about, "nearer", **holes)
         span = join_sentences(sentence(about, "times", **holes), span)
     tone = "green" if _moves_better(result) else "blue" if len(totals) == 1 else "amber"

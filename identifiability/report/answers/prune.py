@@ -43,20 +43,19 @@ class LadderPresenter(LadderedPresenter):
         if result.nothing:
             text = sentence(about, "because", why=result.nothing)
             return answer(about, "nothing", text, size=size)
-        wrong = chosen.infeasible
         used = len(chosen)
         part = "some" if used < size else "all"
-        why, rule = _state_choice(result) if used < size else ("", "")
-        known = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE))
+        wrong = chosen.infeasible
         signs = sentence(about, "impossible", names=wrong) if wrong else ""
         near = "" if is_nearly_real(chosen) else state_nearest(chosen)
-        text = join_sentences(known, signs, near)
+        identifiable = sentence(about, "found", found=chosen.count(Class.IDENTIFIABLE))
+        text = join_sentences(identifiable, signs, near)
         # What the model lacks is the answer on trust.
         tone = "blue" if is_nearly_real(chosen) else "amber"
-        found = answer(about, part, text, tone, size=size, used=used)
-        sizes = sizes_as_good(result) if used < size else ()
-        others = sentence(about, "others", low=sizes[0], high=sizes[1]) if sizes else ""
-        return replace(found, more=join_sentences(why, rule, others))
+        told = answer(about, part, text, tone, size=size, used=used)
+        if used < size:
+            told = replace(told, more=_state_choice(result))
+        return told
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats, and that the choice is stable if it is."""
@@ -66,18 +65,21 @@ class LadderPresenter(LadderedPresenter):
             yield note("stable", weight=weight)
 
 
-def _state_choice(result: Ladder) -> tuple[str, str]:
-    """Return why the model to use was chosen, and the rule behind it with its numbers."""
+def _state_choice(result: Ladder) -> str:
+    """Return why the model to use was chosen, by which rule, and the sizes of models as good."""
     chosen = result.chosen
     best = result.models[result.least]
+    sizes = sizes_as_good(result)
+    others = sentence("pruning.use", "others", low=sizes[0], high=sizes[1]) if sizes else ""
     if len(chosen) == len(best):
-        return sentence("pruning.choice", "best"), ""
+        return join_sentences(sentence("pruning.choice", "best"), others)
     lower = best.density - chosen.density
     part = "physical"
     if may_stand(chosen.step.score, best.step.score):
         part = "near" if lower <= LEVELS.nats else "rise"
     rule = sentence("pruning.choice", part, lower=lower, nats=LEVELS.nats, rise=LEVELS.rise)
-    return sentence("pruning.choice", "smallest", best=len(best)), rule
+    why = sentence("pruning.choice", "smallest", best=len(best))
+    return join_sentences(why, rule, others)
 
 
 def sizes_as_good(result: Ladder) -> tuple[int, ...]:
