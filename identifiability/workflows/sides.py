@@ -118,6 +118,7 @@ def find_differences(
     patterns: Sequence[Array],
     *,
     warms: bool = False,
+    springs: bool = False,
     weights: Sequence[Candidate] = (),
     load: Array | None = None,
 ) -> Differences:
@@ -133,8 +134,8 @@ def find_differences(
     known : Known
     patterns : sequence of (L,)
         Which logs may have a change.
-    warms : bool
-        Whether springs may change as well, and friction within every log.
+    warms, springs : bool
+        Whether friction may also change within every log, and springs may change.
     weights : sequence of Candidate
         Weights of loads without their inertia.
     load : (N, n), optional [N·m or N]
@@ -158,7 +159,7 @@ def find_differences(
     rows = Compared.about(read, known, load)
     return Differences.of(
         rows,
-        list_changes(robot, bodies, *[FreeSpring.name] * warms),
+        list_changes(robot, bodies, *[FreeSpring.name] * springs),
         lacks,
         known,
         patterns,
@@ -201,13 +202,34 @@ def find_changes(
     known = Known.nothing(submodel.M, values)
     bodies = tool_bodies(structure.robot)
     patterns = list_sessions(len(sides.samples), sides.count)
-    given = structure, seen, bodies, known, patterns
-    found = find_differences(*given, warms=True)
-    terms = found.model.search()
+    about = bodies, known, patterns
+    found, terms = _search_changes(structure, seen, *about)
     load = _torque_of_loads(found, terms)
     if load.any():
         carrying = carry_loads(sides, seen, _list_loads(found, terms))
-        found = find_differences(structure, carrying, *given[2:], warms=True, load=load)
+        return _search_changes(structure, carrying, *about, load)
+    return found, terms
+
+
+def _search_changes(
+    structure: Structure,
+    seen: Excerpt,
+    bodies: Sequence[str],
+    known: Known,
+    patterns: Sequence[Array],
+    load: Array | None = None,
+) -> tuple[Differences, Terms]:
+    """Return possible changes, and those found; no springs where all logs lack torque of positions.
+
+    Under another motion such torque looks like a spring that changed.
+    """
+    given = structure, seen, bodies, known, patterns
+    found = find_differences(*given, warms=True, springs=True, load=load)
+    terms = found.model.search()
+    kinds = [found.whose(t) for t in terms]
+    lacks = {c.family.name for c in kinds if not c.pattern}
+    if "function_of_position" in lacks and any(c.kind == "spring" for c in kinds):
+        found = find_differences(*given, warms=True, load=load)
         terms = found.model.search()
     return found, terms
 
