@@ -59,6 +59,7 @@ from identifiability.foundation.options import (
     choices,
 )
 from identifiability.foundation.values import Fields
+from identifiability.foundation.wording import EFFECT
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 
 from .case import CASE, COMMANDS, defaults_of_case
@@ -604,8 +605,8 @@ def _as_kind(kind: Any, text: str) -> Any:
 
 
 def split_names(_: str, text: str) -> list[str]:
-    """Return the names in ``a,b c``."""
-    return text.replace(",", " ").split()
+    """Return the names in ``a,b c``; of ``a@joint:0.1,2,b`` a shape has two numbers."""
+    return re.findall(EFFECT, text)
 
 
 def split_model(option: str, text: str) -> list[str] | str:

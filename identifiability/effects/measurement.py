@@ -8,7 +8,7 @@ import numpy as np
 
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import without_rounding
-from identifiability.foundation.names import Array, Parameter, Strings
+from identifiability.foundation.names import Array, NumberByName, Parameter, Strings
 from identifiability.robot import Axis, Motion, Robot
 
 from .effect import (
@@ -297,6 +297,16 @@ class TorqueScale(AlongAxes):
         """Return the torque of the joint or motor."""
         _, weights = torque_shares(at.robot)[at.axis.name]
         return [nominal_torque(at.robot, at.motion) @ weights]
+
+
+def without_scales(robot: Robot, values: NumberByName) -> Array:
+    """Return the factors (n, n) that torque of wrong scales, (N, n), is right by."""
+    measured = np.eye(len(robot.joints))
+    for axis in robot.axes:
+        scale = values.get(f"{axis.name}.scale")
+        if scale and axis.row is not None:
+            measured += scale * np.outer(axis.row, torque_shares(robot)[axis.name][1])
+    return np.linalg.inv(measured).T
 
 
 # Torque of another joint that leaks into the measured torque of this one.

@@ -346,9 +346,7 @@ class Differences:
         if joint is not None:
             own = replace(own, parts=own.parts[joint : joint + 1])
         wide = np.pad(sums, ((p, 0), (0, 0)))
-        unit = np.eye(own.size)
-        places = [p] * sums.shape[1]
-        every = np.insert(unit, places, wide, axis=1)
+        every = np.insert(np.eye(own.size), [p] * sums.shape[1], wide, axis=1)
         own = own.reduce(every, [str(k) for k in range(every.shape[1])])
         return replace(self, information=own, always=sums, expected=expected)
 
@@ -399,8 +397,8 @@ class Differences:
     def groups(self) -> tuple[Group, ...]:
         """Groups of candidates and logs; groups, and the places of each, share prior odds."""
         more = self.always.shape[1]
-        own = self.missing.groups
-        return tuple(replace(g, members=tuple(at + more for at in g.members)) for g in own)
+        groups = self.missing.groups
+        return tuple(replace(g, members=tuple(at + more for at in g.members)) for g in groups)
 
     def whose(self, term: Term) -> Differing:
         """Return the candidate of a term, at its first place."""

@@ -20,6 +20,9 @@ OF_PREPARATION = ("derivatives", "cutoff", "decimate")
 #: Options whose Python keyword has another name.
 KEYWORDS = {"parameter": "parameters", "format": "form", "map": "columns"}
 
+#: An effect in a list with commas, which also stand between the numbers of its shape.
+EFFECT = r"(?:[^,\s]|,(?=[\d.+-]))+"
+
 #: Methods that write a file, by the option. `--out` depends on the verb.
 WRITERS = {"report": "write_report", "json": "to_json"}
 

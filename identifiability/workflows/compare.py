@@ -201,9 +201,6 @@ def _change_record(change: Change) -> Json:
         {"name": name, "unit": unit, "change": x, "low": x - REACH * s, "high": x + REACH * s}
         for name, unit, x, s in rows
     ]
-    sessions = [_interval(*point.relative) for point in change.course]
-    torque = {**_interval(change.felt.rms, change.felt.sd), **_joint_of(change.felt)}
-    parts = [_change_record(part) for part in change.parts]
     return {
         "what": change.what,
         "kind": change.kind,
@@ -211,19 +208,18 @@ def _change_record(change: Change) -> Json:
         "log": change.log,
         "since": change.since,
         "within_seconds": change.seconds if change.within else None,
-        "sessions": sessions,
+        "sessions": [_interval(*point.relative) for point in change.course],
         "log_odds": change.odds,
         "share": _interval(size, sd),
-        "torque": torque,
+        "torque": _interval(change.felt.rms, change.felt.sd) | _joint_of(change.felt),
         "numbers": numbers,
-        "parts": parts,
+        "parts": [_change_record(part) for part in change.parts],
         "or": [_change_record(other) for other in change.alternatives],
     }
 
 
 def _unchanged_record(number: Unchanged) -> Json:
     """Return a number that did not change, with the least change that would be named."""
-    felt = {"size": number.felt.rms, **_joint_of(number.felt)}
     return {
         "what": number.what,
         "kind": number.kind,
@@ -232,7 +228,7 @@ def _unchanged_record(number: Unchanged) -> Json:
         "unit": number.unit,
         "seen_from": number.least,
         "seen_from_share": number.relative,
-        "seen_from_torque": felt,
+        "seen_from_torque": {"size": number.felt.rms, **_joint_of(number.felt)},
     }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from identifiability.effects import find_families
 from identifiability.effects.base import GravityTilt, apply_tilt
-from identifiability.effects.measurement import TorqueScale, torque_shares
+from identifiability.effects.measurement import TorqueScale, without_scales
 from identifiability.effects.nominal import reference_values
 from identifiability.effects.registry import is_loaded
 from identifiability.effects.springs import FreeSpring
@@ -147,18 +147,12 @@ def find_differences(
     motions = [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
     # Torque of a wrong scale, which the model has found, is read as it should have been.
-    gain = np.eye(len(robot.joints))
-    shares = torque_shares(robot)
-    for axis in robot.axes:
-        if axis.row is not None and axis.name in shares:
-            gain += stated.get(f"{axis.name}.scale", 0.0) * np.outer(axis.row, shares[axis.name][1])
-    right = np.linalg.inv(gain).T
+    right = without_scales(robot, stated)
+    read = replace(seen, robot=robot, y=seen.y @ right, raw=seen.raw @ right)
     base = [0.0 if name.endswith(".scale") else x for name, x in stated.items()]
     known = replace(known, base=np.array(base))
-    read = replace(seen, robot=robot, y=seen.y @ right, raw=seen.raw @ right)
-    rows = Compared.about(read, known, load)
     return Differences.of(
-        rows,
+        Compared.about(read, known, load),
         list_changes(robot, bodies, *[FreeSpring.name] * springs),
         lacks,
         known,
@@ -333,11 +327,15 @@ def report_loads(
         sd = float(change.sd[k])
         if abs(mass) <= REACH * sd:
             continue
-        numbers = {"mass": mass, "sd": sd, "body": change.place}
-        load = measured(abs(mass), sd, "kg")
-        more = "more" if mass > 0 else "less"
-        logs = [change.log] if change.log else names
-        yield Finding("held_out_load", logs=logs, load=load, more=more, **numbers)
+        yield Finding(
+            "held_out_load",
+            logs=[change.log] if change.log else names,
+            load=measured(abs(mass), sd, "kg"),
+            more="more" if mass > 0 else "less",
+            mass=mass,
+            sd=sd,
+            body=change.place,
+        )
 
 
 def find_loads(data: Data, submodel: Submodel) -> list[Change]:

@@ -82,6 +82,7 @@ def test_the_command_separates_and_starts_from_a_log(simulated, succeeds, tmp_pa
     simulated("two-link", "a", samples=100).write(log)
     out = tmp_path / "m.csv"
     words = ["two-link", "--start-from", log, "--out", out, "--set", "evaluations=100"]
+    words += ["--model", "rigid_body,coulomb_friction,stribeck_friction@elbow:0.1,1.5"]
     pair = ["-v", "--separate", "joint_stiffness", "--separate", "torque_offset"]
     assert "measured again (geometric mean)" in succeeds("excite", *words, *pair).output
     assert "t,shoulder.q" in out.read_text().splitlines()[0]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from identifiability.effects import FAMILIES
 from identifiability.effects.base import apply_tilt
 from identifiability.estimation.combinations import find_combinations
 from identifiability.estimation.groups import describe_term, shorten_places
@@ -146,8 +147,11 @@ class LadderedPresenter(PredictingPresenter):
             find = commands.on_file(result, "model", "pruned.toml", f"{again} --out", use)
         elif verb == "analyze" and _has_unknown(result.chosen):
             line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
-            # Another motion separates values from offsets, a smaller model does not.
-            offsets = [v.name for v, _ in result.chosen.without_offsets]
+            # Another motion separates values from offsets, a smaller model does not. But no motion
+            # separates a function of position, which contains a constant.
+            every = result.structure.parameters
+            curves = [p.name for p in every if FAMILIES[p.group].flexible]
+            offsets = [v.name for v, _ in result.chosen.without_offsets if v.name not in curves]
             apart = _separate_offsets(result, offsets) if offsets else ""
             if commanded:  # the gains of the servos are no torque to start from
                 file = exported.split()[-1]
@@ -336,16 +340,15 @@ class AnalysisPresenter(LadderedPresenter):
         pairs = zip(result.full.verdicts, stated_values(result, result.full), strict=True)
         known = [(v, x) for v, x in pairs if x is not None]
         reach = NormalDist().inv_cdf(1 - (1 - LEVEL) / (2 * max(len(known), 1)))
-        rows: list[dict[str, Any]] = []
+        rows = list[tuple[Any, ...]]()
         for v, x in known:
             off = abs(v.value - x) / v.sigma_label if np.isfinite(v.sigma_label) else np.nan
             judged = v.verdict is Class.IDENTIFIABLE or Flag.NEGLIGIBLE in v.flags
             word = "agrees" if judged else "not determined"
             word = "contradicted" if off > reach and not result.nothing else word
-            row = {"name": v.name, "label": v.label, "unit": v.unit, "file": x, "value": v.value}
-            rows.append({**row, "sigma": v.sigma_label, "sigmas": off, "logs": word})
+            rows.append((v.name, v.label, v.unit, x, v.value, v.sigma_label, off, word))
         words = [*BELIEVED]
-        rows.sort(key=lambda r: (words.index(r["logs"]), -np.nan_to_num(r["sigmas"])))
+        rows.sort(key=lambda r: (words.index(r[-1]), -np.nan_to_num(r[-2])))
         columns = ["name", "label", "unit", "file", "value", "sigma", "sigmas", "logs"]
         return by_name(pd.DataFrame(rows, columns=columns))
 
@@ -520,9 +523,8 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
 
 def _list_odd(result: Laddered[Any]) -> list[str]:
     """Return the doubts about a result, apart from its masses, in sentences."""
-    late = of_key(result.hints, "stated_delay")
     odd = of_key(result.hints, "alternative", "odd_joint")
-    return [*late, *_state_impossible(result), *odd]
+    return [*of_key(result.hints, "stated_delay"), *_state_impossible(result), *odd]
 
 
 def _state_wrong_mass(result: Laddered[Any]) -> str:
@@ -658,8 +660,8 @@ def _separate_offsets(result: Laddered[Any], names: Sequence[str]) -> str:
     """Return the options of a motion that tells parameters from torque offsets."""
     effects = dict.fromkeys((*result.effects, "torque_offset"))
     model = option_for_shell("--model", ",".join(effects))
-    known = [name for name in names if name in result.base.names]
-    asked = [option_for_shell("--parameter", name) for name in known]
+    names = [name for name in names if name in result.base.names]
+    asked = [option_for_shell("--parameter", name) for name in names]
     return " ".join(["", model, *asked])
 
 
@@ -703,8 +705,7 @@ def _order_commands(
     if not result.missing.functions and compare_logs(result.samples, result.chosen):
         names = given_paths(result.samples)
         how = result.settings["preparation"]
-        compare = commands.compare_line(result.robot, names, how, ladder)
-        line = command("compare", compare)
+        line = command("compare", commands.compare_line(result.robot, names, how, ladder))
         lines = [*lines[:2], line] if ladder else [line, *lines]
     return lines[:3]
 
@@ -822,7 +823,7 @@ BELIEVED = {"contradicted": "differs", "agrees": "pass", "not determined": "part
 def file_table(analysis: Analysis) -> Table:
     """Return which numbers of the robot file may be believed, after these logs."""
     frame = analysis.file_frame()
-    counts = [f"{(frame['logs'] == word).sum()} {word.rstrip('s')}" for word in BELIEVED]
+    counts = [f"{count} {word.rstrip('s')}" for word, count in Counter(frame["logs"]).items()]
     rows = frame.to_dict("records")
     for row in rows:
         row["parameter"] = Cell(row["name"], note=label_note(row["label"]))

@@ -287,9 +287,6 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
     rows = []
     for c in changes:
         share, share_sd = c.relative
-        torque_low = c.felt.rms - REACH * c.felt.sd
-        torque_high = c.felt.rms + REACH * c.felt.sd
-        others = "; ".join(state_alternatives(c))
         row = {
             "what": c.what,
             "kind": c.kind,
@@ -298,12 +295,12 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
             "share_low": share - REACH * share_sd,
             "share_high": share + REACH * share_sd,
             "torque": c.felt.rms,
-            "torque_low": torque_low,
-            "torque_high": torque_high,
+            "torque_low": c.felt.rms - REACH * c.felt.sd,
+            "torque_high": c.felt.rms + REACH * c.felt.sd,
             "torque_unit": c.felt.unit,
             "log_odds": c.odds,
             "logs": c.when,
-            "or": others,
+            "or": "; ".join(state_alternatives(c)),
         }
         for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True):
             low, high = size - REACH * sd, size + REACH * sd

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from identifiability.foundation.answers import Answer
 from identifiability.foundation.wording import (
+    EFFECT,
     KEYWORDS,
     OF_PREPARATION,
     OF_ROBOT,
@@ -220,7 +221,7 @@ def _split(words: Sequence[str]) -> tuple[list[str], dict[str, list[str]]]:
         if name == "set":
             name, _, value = value.partition("=")
         effects = name == "model" and not value.endswith(".toml")
-        options.setdefault(name, []).extend(value.split(",") if effects else [value])
+        options.setdefault(name, []).extend(re.findall(EFFECT, value) if effects else [value])
     return given, options
 
 
