@@ -253,6 +253,11 @@ class ReadingCandidates:
             separate_offsets=True,
         )
 
+    def in_log(self, subject: str) -> Reading:
+        """Return torque of all joints in one log that is late by 1 s."""
+        shift = "Shift the torque columns of this log"
+        return self._other(subject, shift, delay=np.ones(len(self.names)), fitted_numbers=1)
+
     def delayed(self) -> Iterator[Reading]:
         """Yield torque that is late or early: of one joint, then of all."""
         for delay, sign, (subject, at) in product(DELAYS, (-1, 1), self.all_subjects()):

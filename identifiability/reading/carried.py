@@ -70,8 +70,10 @@ class CarriedReading:
 
     @staticmethod
     def of(reading: Reading, structure: Structure) -> CarriedReading | None:
-        """Return a reading without the offsets of its logs; None if then nothing differs."""
+        """Return a reading without offsets and delays of single logs; None if nothing differs."""
         others = replace(reading, offsets={}, separate_offsets=False)
+        if reading.late:
+            others = replace(others, delay=0.0 * reading.delay, late="")
         turns = not np.allclose(reading.gravity, structure.robot.gravity)
         changes = turns or not others.keeps_columns or others.link_side.any()
         if changes:

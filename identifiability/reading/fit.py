@@ -173,6 +173,8 @@ class TorqueRows:
         self.data = excerpt.data & away_from_ends(excerpt)[:, None]
         self.parts = parts
         self.separate_offsets = separate_offsets
+        #: The log whose torque readings delay; None for all.
+        self.late: int | None = None
         self.others = others
         self._roots: dict[tuple[int, bytes], Array] = {}
 
@@ -463,7 +465,11 @@ class TorqueRows:
         for piece, tau in zip(self.excerpt.pieces, self._late_torque(delay), strict=True):
             weight = np.tile(piece.weight[:, [joint]], len(self.acts))
             outputs.append(replace(piece, tau=tau, weight=weight).torque)
-        return np.concatenate(outputs)
+        shifted = np.concatenate(outputs)
+        if not delay or self.late is None:
+            return shifted
+        at = self.excerpt.log[:, None] == self.late
+        return np.where(at, shifted, self._shifted_torque(joint, 0.0))
 
     @once_each
     def _late_torque(self, delay: float) -> list[Array]:

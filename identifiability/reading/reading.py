@@ -45,6 +45,8 @@ class Reading:
         Factor from each torque column to the torque of its joint.
     delay : (n,) [s]
         Time by which each torque column is late.
+    late : str
+        The log whose columns are; empty if all are.
     compensated : (n,) bool
         Joints whose torque lacks gravity. `read` adds the gravity torque of the fitted robot.
     gravity : (3,) [m/s²]
@@ -83,6 +85,7 @@ class Reading:
     compensated: Array
     gravity: Array
     motion: Array
+    late: str = ""
     turned: bool = False
     carries: bool = False
     parameters: Array = np.empty(0)
@@ -202,6 +205,10 @@ class Reading:
         columns : (k,) int
             Joints of the robot that have columns in the log: all but the axes of a floating base.
         """
+        if self.late not in ("", log.name):
+            return replace(self, delay=0.0 * self.delay, late="")._read_rows(
+                rows, log, literal, columns
+            )
         gravity = self.gravity_torque(rows, literal)
         offset = np.broadcast_to(self.offsets.get(log.name, 0.0), self.factor.shape)[columns]
         torque = self._shifted(rows.t, log, columns, log.tau)

@@ -11,6 +11,7 @@ tell it from other masses.
 """
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -23,6 +24,7 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import once_each
 from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare.dataset import Dataset, move_samples
 from identifiability.logs.signals import sampling_step
@@ -120,7 +122,51 @@ class ReadingSearch:
         return bool(enough and varies.all())
 
     def choose(self) -> Reading | None:
-        """Return the reading that is used, else the likeliest one as a question, else None."""
+        """Return the reading that is used, else the likeliest one as a question, else None.
+
+        One log may have another clock than the others, whose delay the used reading gets as well.
+        """
+        found = self._choose_of_all()
+        held = found if found is not None and found.holds else self.literal
+        return self._find_late_log(held) or found
+
+    def _find_late_log(self, held: Reading) -> Reading | None:
+        """Return a reading in which the torque of one log is also late or early, if one surely is.
+
+        `held` is the reading of all logs.
+        """
+        logs = self.logs.samples
+        if len(logs) < 2 or not (held.turned or held is self.literal):
+            return None
+        step = sampling_step(self.rows.excerpt.pieces[0].motion.t)
+        plain = replace(held, turned=False)
+        found = []
+        for sample in logs:
+            subject = f"The torque of {sample.name}"
+            first = replace(self.candidates.in_log(subject), gravity=held.gravity, late=sample.name)
+            for sign in (-1.0, 1.0):
+                self.tried += 1
+                near = replace(first, delay=sign * step * first.delay)
+                if self.weigh(near, plain) > 0.0:
+                    tuned = self.refine(near)
+                    odds = self.weigh(tuned, plain)
+                    found.append(replace(tuned, log_odds=odds))
+        best = max(found, key=lambda reading: reading.log_odds, default=None)
+        if best is None or best.log_odds < RULES.log_odds:
+            return None
+        if self.weigh(replace(best, late=""), plain) > best.log_odds:  # all logs are late
+            return None
+        # Of the residual of each joint, as the evidence is: one joint's may be much larger.
+        less = np.exp(-best.log_odds / self.rows_of(best).count(best).sum())
+        best = replace(best, verification=self.verify(best, plain), turned=held.turned)
+        if held.turned:
+            both = f"{held.description}, and {best.description.replace('The', 'the', 1)}"
+            best = replace(best, description=both, remedy=f"{held.remedy}. {best.remedy}")
+        ratio = held.error_ratio * float(less)
+        best = replace(best, error_ratio=ratio, log_odds=held.log_odds + best.log_odds)
+        return best if best.holds else None
+
+    def _choose_of_all(self) -> Reading | None:
         judged = self.judge([*self.refine_screened()])
         verified = (self._with_evidence(reading) for reading in judged)
         readings = list[Reading]()
@@ -163,12 +209,24 @@ class ReadingSearch:
         ClosureError
             If loops do not close along its motion.
         """
+        if reading.late:
+            names = [sample.name for sample in self.logs.samples]
+            return self._rows_of_late(names.index(reading.late))
         if not (reading.separate_offsets or reading.moves_joints or reading.carries):
             return self.rows
         key = bytes([reading.separate_offsets, reading.carries]) + reading.motion.tobytes()
         if key not in self._other_rows:
             self._other_rows[key] = self._make_rows(reading)
         return self._other_rows[key]
+
+    @once_each
+    def _rows_of_late(self, log: int) -> TorqueRows:
+        """Return the rows of which readings delay one log alone."""
+        self.rows.fit(self.literal, adjusted=True)  # their smooth functions are the same
+        rows = copy(self.rows)
+        rows.late = log
+        vars(rows)["_results"] = {}
+        return rows
 
     def _make_rows(self, reading: Reading) -> TorqueRows:
         if reading.carries:
@@ -458,8 +516,11 @@ class ReadingSearch:
 
     # Step 4: other rows.
 
-    def verify(self, reading: Reading) -> Verification:
-        """Return how numbers chosen by each half of the rows fit the other half."""
+    def verify(self, reading: Reading, other: Reading | None = None) -> Verification:
+        """Return how numbers chosen by each half of the rows fit the other half.
+
+        They are compared with another reading, by default the literal one.
+        """
         if reading.separate_offsets:
             # The mixed model has no numbers that a part would choose.
             odds = self.offsets.odds
@@ -471,7 +532,9 @@ class ReadingSearch:
 
         def gain(part: int, numbers: Reading) -> float:
             literal, rows = parts[part]
-            less = literal.fit(self.literal, adjusted=True) - rows.fit(numbers, adjusted=True)
+            less = literal.fit(other or self.literal, adjusted=True) - rows.fit(
+                numbers, adjusted=True
+            )
             return float((independent * literal.counts) @ less)
 
         unseen = gain(0, tuned[1]), gain(1, tuned[0])

@@ -194,6 +194,16 @@ def test_a_tool_that_the_file_lacks_is_asked_for_and_a_wrong_mass_is_that_of_its
     assert "link_3 has" not in said
 
 
+def test_the_late_clock_of_one_log_is_found():
+    (robot, log), (_, other) = (record("six-dof-arm", seed=seed) for seed in (1, 2))
+    found = look(robot, log, replace(other, tau=np.roll(other.tau, 1, axis=0), name="late"))
+    assert found.late == "late"
+    assert_allclose(found.delay, other.t[1], rtol=0.1)
+    assert look(robot, log, replace(other, name="late")) is None
+    both = (replace(x, tau=np.roll(x.tau, 1, axis=0), name=str(x.q[0])) for x in (log, other))
+    assert not look(robot, *both).late
+
+
 def test_a_torque_offset_that_the_model_lacks_blames_no_body(arm):
     robot, log = arm
     log = replace(log, tau=log.tau + 20.0 * np.eye(6)[1])
