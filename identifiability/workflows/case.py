@@ -100,8 +100,8 @@ COMPLETED = SENSOR_ERRORS | {PassiveJointFriction.name}
 
 #: Fitted errors of the torque's columns by name, and half of each 95 % interval (NaN without one).
 Measured = Mapping[str, tuple[float, float]]
-#: Kinds of errors in time, with the phrase that says how to correct them.
-CLOCKS = {ClockError.name: ("lead", "later"), TimeDelay.name: ("delay", "earlier")}
+#: Kinds of errors in time.
+CLOCKS = {ClockError.name: "lead", TimeDelay.name: "delay"}
 
 #: Text after the statement of a reading that is used.
 SO = "All results use this reading."
@@ -1032,7 +1032,7 @@ def describe_completed(shares: Sequence[Share], robot: Robot, fitted: Measured) 
         parts.append(state_gains(fitted, robot) or phrase("alternative", "columns"))
     for s in clocks:
         family, place = s.term.key
-        kind, way = CLOCKS[family]
+        kind = CLOCKS[family]
         joints = robot.joints if place == EVERYWHERE else [place]
         each = [fitted[f"{joint}.{kind}"] for joint in joints if f"{joint}.{kind}" in fitted]
         if each:
@@ -1040,7 +1040,8 @@ def describe_completed(shares: Sequence[Share], robot: Robot, fitted: Measured) 
             # Without an interval all joints count alike.
             precision = ROUNDOFF + or_one(halves) ** -2.0
             seconds = float(np.average(values, weights=precision))
-            holes = {"place": place_of(s.term), "time": 1000 * seconds}
+            way = "later" if (seconds > 0) == (kind == "lead") else "earlier"
+            holes = {"place": place_of(s.term), "time": 1000 * abs(seconds)}
             parts.append(phrase("alternative", way, **holes))
     return Finding("alternative", text=f"{'. '.join(parts)}.")
 

@@ -56,6 +56,8 @@ def test_a_remark_on_late_torque_states_the_fitted_delay(polar):
     share = SimpleNamespace(term=SimpleNamespace(group=group, key=("time_delay", "*"), places=()))
     fitted = {"lift.delay": (0.004, 1e-4), "reach.delay": (0.008, 2e-4)}
     assert "4.8 ms earlier" in describe_completed([share], polar, fitted)
+    early = {name: (-value, half) for name, (value, half) in fitted.items()}
+    assert "4.8 ms later" in describe_completed([share], polar, early)
 
 
 def test_a_clock_that_is_wrong_is_a_delay_that_cannot_be(polar, move):
