@@ -239,7 +239,7 @@ def test_limits_tell_the_factor_of_gains_that_are_all_too_high(arm):
     assert factor == pytest.approx(1.4, rel=0.05)  # 1.25 by bodies alone
 
 
-ODD = (("play", 0.03), ("gain", 4.0), ("limit", 30.0), ("integral", 2.0), ("", 0.0))
+ODD = (("play", 0.03), ("gain", 4.0), ("limit", 30.0), ("integral", 2.0), ("weak", 0.7), ("", 0.0))
 #: Kinds, sizes, and numbers of slow logs beside the one that shows them.
 RARE = [(*odd, 0) for odd in ODD] + [("limit", 30.0, 6)]
 
@@ -250,6 +250,8 @@ def test_odd_joints_and_gains_that_are_stated_wrongly_are_said(arm, kind, size, 
     fault = servos.Fault(1, kind, size)
     own = arm.servo.having({"limit": np.array([0.0, size * (kind == "limit")])})
     own = replace(own, ki=size * own.kp * (kind == "integral"))
+    share = np.array([1.0, size if kind == "weak" else 1.0])
+    own = own.having({"kp": share * own.kp, "kv": share * own.kv})
     sizes = 0.35, *[0.05] * slow
     logs = [read(arm, draw(arm, 6.0, x, how, rng, TRUTH, own, fault)) for x in sizes]
     found, shares = fit_rollouts(arm, logs, file_shares(arm)), []
@@ -258,14 +260,16 @@ def test_odd_joints_and_gains_that_are_stated_wrongly_are_said(arm, kind, size, 
     assert len(odd) == bool(kind)
     assert (better is found) == (kind in ("play", ""))
     assert not either or kind == "gain"
+    assert_allclose(better.numbers["kv"], own.kv, rtol=0.05)
     if kind == "integral":
         assert_allclose(better.numbers["ki"], own.ki, rtol=0.05)
         assert "integral gain ki of shoulder, elbow" in odd[0]
         return
     for said in odd:
-        told = float(re.search(r"'elbow'.*? (?:about|of) ([\d.]+)", said)[1])
+        told = float(re.match(r"(?=.*'elbow').*? (?:about|of) ([\d.]+)", said)[1])
         # A kp of 1500 is found as it is five times the stated 300.
-        assert told == pytest.approx(size + 1496 * (kind == "gain"), rel=0.05 if size > 1 else 0.2)
+        true = {"gain": 1500.0, "weak": 210.0}.get(kind, size)
+        assert told == pytest.approx(true, rel=0.05 if size != 0.03 else 0.2)
 
 
 def test_a_limit_that_only_a_held_out_log_reaches_is_said_with_a_quoted_key(arm, tmp_path):

@@ -170,16 +170,22 @@ def free_gain(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     tried = []
     for gain in gains[lost & ~problem.varied[gains]]:
         problem.varied[gain] = True
-        freed = descend(problem, restart_joints(problem, end.x, lost), BEGUN)
+        for over in problem.list_scaled(np.array([gain])):
+            scaled = copy(problem)
+            scaled.over = over
+            freed = descend(scaled, restart_joints(scaled, end.x, lost), BEGUN)
+            missed = problem.missed(freed.q)
+            if missed.max() <= RULES.rollout_contradicted:
+                tried.append((missed.sum(), gain, freed, over))
         problem.varied[gain] = False
-        missed = problem.missed(freed.q)
-        if missed.max() <= RULES.rollout_contradicted:
-            tried.append((missed.sum(), gain, freed))
     if not tried:
         return end
-    after, gain, freed = min(tried, key=itemgetter(0))
+    least, gain, *_ = min(tried, key=itemgetter(0))
+    # About as little is missed.
+    likely = [x for x in tried if x[1] == gain and x[0] <= 1.1 * least]
+    after, _, freed, problem.over = likely[0]
     problem.varied[gain] = True
-    problem.freed = {int(gain): float(after / before.sum()) ** 2}
+    problem.freed = {int(gain): (float(after / before.sum()) ** 2, len(likely) > 1)}
     return freed
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 from itertools import compress
 from operator import itemgetter
 from typing import NamedTuple
@@ -65,11 +66,17 @@ class Explanation(NamedTuple):
     numbers : (k,) int
         In the vector.
     end : SearchEnd
+    over : (kinds, n) bool
+        Numbers that grow with gains (`RolloutProblem.over`): a weak servo has less kp and kv.
+    is_open : bool
+        Whether kv as it is stated explains the errors as well: viscous friction replaces it.
     """
 
     share: float
     numbers: np.ndarray
     end: SearchEnd
+    over: np.ndarray
+    is_open: bool = False
 
 
 def find_odd_joints(
@@ -92,6 +99,7 @@ def find_odd_joints(
         Receives the share of the joints that are checked.
     """
     problem, end = found.search
+    stated = problem.over
     # Where errors are those of recording, no more than a wrong gain can show.
     erring = np.unique(problem.trees[_exceed(problem, found.errors)])
     screening = _screen(problem, end, gains_alone=not len(erring))
@@ -112,9 +120,21 @@ def find_odd_joints(
     if not problem.freed and not any(_is_sure(better, numbers) for numbers in used):
         for numbers in used:
             problem.varied[numbers] = False
+        problem.over = stated
         better, explained = found, []
     findings = [_state_odd(robot, better, best) for best in explained]
-    return findings, better, any(len(best) > 1 for best in explained)
+    return findings, _doubt_damping(better, explained), any(len(best) > 1 for best in explained)
+
+
+def _doubt_damping(found: Rollouts, explained: Sequence[Sequence[Explanation]]) -> Rollouts:
+    """Return rollouts with errors of kv where it may be as it is stated."""
+    gains = [best[0].numbers for best in explained if best[0].is_open]
+    if not gains:
+        return found
+    problem = found.search[0]
+    apart = found.numbers["kv"] - problem.machine.servo.kv
+    errors = np.concatenate([0.0 * apart, np.isin(problem.at("kp"), gains) * apart, 0.0 * apart])
+    return replace(found, covariance=found.covariance + np.diag(errors**2))
 
 
 def _is_sure(found: Rollouts, numbers: np.ndarray) -> bool:
@@ -126,8 +146,10 @@ def _is_sure(found: Rollouts, numbers: np.ndarray) -> bool:
 
 def _list_freed(problem: RolloutProblem, end: SearchEnd) -> list[list[Explanation]]:
     """Return the stated gains without which most joints did not follow, each by itself."""
-    shares = problem.freed.items()
-    return [[Explanation(share, np.array([gain]), end)] for gain, share in shares]
+    return [
+        [Explanation(share, np.array([gain]), end, problem.over, is_open)]
+        for gain, (share, is_open) in problem.freed.items()
+    ]
 
 
 def _exceed(problem: RolloutProblem, errors: Array) -> np.ndarray:
@@ -234,6 +256,7 @@ def _explain_tree(
         errors = problem.errors(best.end.q)
         if _kind(problem, best.numbers) != "play":
             problem.varied[best.numbers] = True
+            problem.over = best.over
             end = best.end
         yield kept
 
@@ -333,10 +356,25 @@ def _fit_from(
     """Return the fit of numbers from a start (k,), with what it leaves of the errors of joints."""
     x = end.x.copy()
     x[numbers] = start
+    fits = []
+    for over in problem.list_scaled(numbers):
+        scaled = copy(problem)
+        scaled.over = over
+        fits.append(_explain_by(scaled, end, x, numbers, joints))
+    least = min(fits, key=itemgetter(0)).share
+    # About as little is left.
+    likely = [x for x in fits if x.share <= 1.1 * least]
+    return likely[0]._replace(is_open=len(likely) > 1)
+
+
+def _explain_by(
+    problem: RolloutProblem, end: SearchEnd, x: Array, numbers: np.ndarray, joints: np.ndarray
+) -> Explanation:
+    """Return the fit of numbers from a vector, with what it leaves of the errors of joints."""
     fitted = _fit_numbers(problem, x, numbers)
     before, after = (_sum_squares(problem, end, x)[joints].sum() for x in (end, fitted))
     explains = before - after > REACH**2  # more than chance does
-    return Explanation(after / before if explains else 1.0, numbers, fitted)
+    return Explanation(after / before if explains else 1.0, numbers, fitted, problem.over)
 
 
 def _explain_little(
@@ -355,13 +393,14 @@ def _explain_little(
         return
     # To first order a gain that is far off explains less than its fit.
     numbers = at[[likeliest]]
-    fitted = _fit_numbers(problem, end.x, numbers)
-    before, after = (_sum_squares(problem, end, x)[joints].sum() for x in (end, fitted))
+    fitted = _fit_from(problem, end, numbers, end.x[numbers], np.flatnonzero(joints))
+    explained = (1.0 - fitted.share) * _sum_squares(problem, end, end)[joints].sum()
     # Errors of the model are not independent: a gain within some percent is as stated.
-    if abs(fitted.x[numbers]) < 0.03 or before - after <= CLEAR**2:
+    if abs(fitted.end.x[numbers]) < 0.03 or explained <= CLEAR**2:
         return
     problem.varied[numbers] = True
-    yield [Explanation(after / before, numbers, fitted)]
+    problem.over = fitted.over
+    yield [fitted]
 
 
 def _find_rare_limits(problem: RolloutProblem, end: SearchEnd) -> Iterator[Explanation]:
@@ -478,29 +517,32 @@ def _fit_numbers(problem: RolloutProblem, x: Array, numbers: np.ndarray) -> Sear
 def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Finding:
     """Return a finding on the errors of a tree: explanations, best first, and the consequence."""
     problem = found.search[0]
-    (share, numbers, _) = best[0]
-    what = [_describe(robot, problem, explanation) for explanation in best]
-    kind = _kind(problem, numbers)
-    at = numbers % len(robot.joints)
+    first = best[0]
+    kind = _kind(problem, first.numbers)
+    at = first.numbers % len(robot.joints)
     # The gain of a servo without kp is its kv.
     follows_speed = kind == "kp" and not problem.machine.servo.kp[at].any()
     key = "kv" if follows_speed else kind
     value = found.numbers[key][at]
-    sd = found.unsure[numbers]
-    if kind == "kp":
-        sd = sd * value
-    elif kind == "limit":
-        # Delayed speeds of a servo make its torque at a limit uncertain by a fortieth.
-        sd = sd + 0.025 * value
+    sd = found.unsure[first.numbers] * (value if kind == "kp" else 1.0)
+    # Delayed speeds of a servo make its torque at a limit uncertain by a fortieth.
+    sd += 0.025 * value * (kind == "limit")
     joints = [robot.joints[j] for j in at]
-    rows = list(zip(joints, value.tolist(), sd.tolist(), strict=True))
-    fitted = [f"{joint} {x:.4g} ± {by:.2g}" for joint, x, by in rows]
-    stated = ", ".join(f"{toml_key(joint)} = {x:.4g}" for joint, x, _ in rows)
-    said = {"key": key, "fitted": listing(fitted, 12), "stated": stated}
+    fitted = [f"{joint} {x:.4g} ± {by:.2g}" for joint, x, by in zip(joints, value, sd, strict=True)]
+    keys = (key, "kv") if key == "kp" and first.over[-2, at].any() else (key,)
+    stated = [_state_numbers(joints, found.numbers[kind][at], kind) for kind in keys]
+    said = {"fitted": listing(fitted, 12), "stated": stated, "open": first.is_open}
     then = phrase("odd_joint", "off" if kind == "play" else "used", **said)
+    what = " or ".join(_describe(robot, problem, explanation) for explanation in best)
     play = joints if kind == "play" else []
-    about = {"what": " or ".join(what), "share": 100 * (1 - share), "then": then}
-    return Finding("odd_joint", **about, play=play)
+    return Finding("odd_joint", what=what, share=100 * (1 - first.share), then=then, play=play)
+
+
+def _state_numbers(joints: Sequence[str], values: Array, kind: str) -> str:
+    """Return numbers of a kind as a line of a sidecar."""
+    pairs = zip(joints, values, strict=True)
+    stated = ", ".join(f"{toml_key(joint)} = {x:.4g}" for joint, x in pairs)
+    return f"{kind} = {{{stated}}}"
 
 
 def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -> str:
@@ -511,15 +553,18 @@ def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -
     places = explanation.numbers % len(robot.joints)
     j = places[0]
     factor = np.exp(value) if kind == "kp" else 1.0
+    is_weak = kind == "kp" and servo.kp[j] and explanation.over[-2, j]
     joints = [robot.joints[k] for k in places]
     return phrase(
         "odd_joint",
-        kind,
+        "weak" if is_weak else kind,
         joints=joints,
-        joint=robot.joints[j],
+        joint=joints[0],
         gain=servo.gain[j],
         symbol="kp" if servo.kp[j] else "kv",
         used=factor * servo.gain[j],
+        kv=servo.kv[j],
+        used_kv=factor * servo.kv[j],
         size=value,
         unit=robot.torque_units[j],
     )

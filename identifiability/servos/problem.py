@@ -94,8 +94,9 @@ class RolloutProblem:
         #: Numbers that are varied, (p,) bool.
         self.varied = np.concatenate([free.ravel(), varied_sizes, varied_delays])
         steps = [*list_steps(machine, self.logs), np.full(len(self.shares), VARIED)]
-        #: Share of the squared errors that a stated gain leaves once it is free, by its number.
-        self.freed = dict[int, float]()
+        #: Share of the squared errors that a stated gain leaves once it is free, and whether its kv
+        #: may be right, by its number.
+        self.freed = dict[int, tuple[float, bool]]()
         #: Differences by which each number is varied, (p,).
         self.by = np.concatenate([*steps, np.full(count, LATER * self.dt)])
 
@@ -129,6 +130,17 @@ class RolloutProblem:
         """Return the indices of the numbers of a kind in the vector, (n,) int."""
         n = len(self.trees)
         return KINDS.index(kind) * n + np.arange(n)
+
+    def list_scaled(self, numbers: np.ndarray) -> list[np.ndarray]:
+        """Return `over` if numbers (k,) are varied: for gains, first with kv that grows with kp.
+
+        A drive scales the torque of all gains of a joint, but kp alone may be wrong as well.
+        """
+        scaled = self.over.copy()
+        joints = numbers % len(self.trees)
+        is_kp = np.isin(numbers, self.at("kp"))
+        scaled[KINDS.index("kv"), joints] |= is_kp & (self.machine.servo.kv[joints] > 0)
+        return [scaled] * bool(np.any(scaled != self.over)) + [self.over]
 
     def parameters(self, numbers: Mapping[str, Array]) -> dict[str, float]:
         """Return standard parameters by name: of joints, and of scaled bodies."""
