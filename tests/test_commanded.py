@@ -56,7 +56,6 @@ from identifiability.servos.odd_joints import Screening
 from identifiability.servos.rollouts import are_contradicted
 from identifiability.servos.windows import cut_windows
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows.predict import weaken_servos
 
 from .made_servos import MODELS, SIDECAR, TRUTH, draw, load_arm, read, servos
 
@@ -658,12 +657,6 @@ def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early
         for share, advice in ((np.inf, "Fit again"), (0.0, "Keep the model")):
             moved = replace(found.moved, runs=(*runs, replace(last, errors=share * last.errors)))
             assert replace(found, moved=moved).next()[0][0].startswith(advice)
-
-
-def test_a_scale_of_torque_makes_the_servo_that_moves_the_robot_as_weak(arm):
-    weak, values = weaken_servos(arm, {"elbow.scale": 0.25, "elbow.Fv": 1.0})
-    assert_allclose(arm.servo.kp / weak.servo.kp, 1 + 0.25 * (np.array(arm.joints) == "elbow"))
-    assert values == {"elbow.Fv": 1.0}
 
 
 def test_a_log_that_contradicts_the_files_bodies_says_so():

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing
-from identifiability.foundation.names import Array, ArrayByName, Strings
+from identifiability.foundation.names import Array, ArrayByName, NumberByName, Strings
 from identifiability.foundation.rounding import REACH, format_number, measured
 from identifiability.foundation.values import frozen
 
@@ -133,9 +133,10 @@ class Servo:
         own = {kind: gains.get(kind, getattr(self, kind)) for kind in ("kp", "kv", "ki")}
         return replace(self, **own, low=low, high=high)
 
-    def divided(self, factor: float) -> Servo:
-        """Return the servos with all gains divided by a factor."""
-        return self.having({kind: getattr(self, kind) / factor for kind in ("kp", "kv", "ki")})
+    def divided(self, factor: Array | float) -> Servo:
+        """Return the servos with all gains divided by a factor, or by one of each joint (n,)."""
+        gains = {"kp": self.kp, "kv": self.kv, "ki": self.integral}
+        return self.having({kind: gain / factor for kind, gain in gains.items()})
 
     def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
         """Return gains and, if it is equal in both directions, ``limit`` by joint."""
@@ -215,6 +216,19 @@ class Servo:
         older = [replace(self, lag=(self.lag or 0.0) + lag)] if lag else []
         slower = [replace(self, speed_lag=speed_lag)] if speed_lag else []
         return (*gains, *older, *slower)
+
+
+def weaken_servos(robot: Any, values: NumberByName) -> tuple[Any, dict[str, float]]:
+    """Return a robot whose servos are as weak as scales of their torque say, and other values.
+
+    A torque that was computed of commands is too large by a scale because the gains are.
+    """
+    scales = [f"{j}.scale" for j in robot.joints]
+    if robot.servo is None or values.keys().isdisjoint(scales):
+        return robot, {**values}
+    factor = np.array([1.0 + values.get(name, 0.0) for name in scales])
+    weak = replace(robot, servo=robot.servo.divided(factor))
+    return weak, {n: x for n, x in values.items() if n not in scales}
 
 
 def state_gain(value: float, sd: float) -> str:

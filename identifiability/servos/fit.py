@@ -7,7 +7,7 @@ determine that factor.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from operator import itemgetter
@@ -22,7 +22,7 @@ from identifiability.foundation.rounding import REACH
 from identifiability.foundation.runs import First, Progress, quiet
 from identifiability.logs import Log
 from identifiability.robot import Robot
-from identifiability.robot.servo import Servo
+from identifiability.robot.servo import Servo, weaken_servos
 from identifiability.simulation.rollout import CommandedRobot
 
 from .descent import (
@@ -167,17 +167,9 @@ def free_gain(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     before = problem.missed(end.q)
     lost = before > RULES.rollout_contradicted
     gains = problem.at("kp")
-    tried = []
+    tried = list[tuple[float, int, SearchEnd, np.ndarray]]()
     for gain in gains[lost & ~problem.varied[gains]]:
-        problem.varied[gain] = True
-        for over in problem.list_scaled(np.array([gain])):
-            scaled = copy(problem)
-            scaled.over = over
-            freed = descend(scaled, restart_joints(scaled, end.x, lost), BEGUN)
-            missed = problem.missed(freed.q)
-            if missed.max() <= RULES.rollout_contradicted:
-                tried.append((missed.sum(), gain, freed, over))
-        problem.varied[gain] = False
+        tried += _try_gain(problem, end, gain, lost)
     if not tried:
         return end
     least, gain, *_ = min(tried, key=itemgetter(0))
@@ -185,8 +177,23 @@ def free_gain(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
     likely = [x for x in tried if x[1] == gain and x[0] <= 1.1 * least]
     after, _, freed, problem.over = likely[0]
     problem.varied[gain] = True
-    problem.freed = {int(gain): (float(after / before.sum()) ** 2, len(likely) > 1)}
+    problem.freed = {gain: (float(after / before.sum()) ** 2, len(likely) > 1)}
     return freed
+
+
+def _try_gain(
+    problem: RolloutProblem, end: SearchEnd, gain: int, lost: np.ndarray
+) -> Iterator[tuple[float, int, SearchEnd, np.ndarray]]:
+    """Yield searches with a free gain that follow all joints: missed share, gain, end, `over`."""
+    problem.varied[gain] = True
+    for over in problem.list_scaled(np.array([gain])):
+        scaled = copy(problem)
+        scaled.over = over
+        freed = descend(scaled, restart_joints(scaled, end.x, lost), BEGUN)
+        missed = problem.missed(freed.q)
+        if missed.max() <= RULES.rollout_contradicted:
+            yield missed.sum(), gain, freed, over
+    problem.varied[gain] = False
 
 
 def leave_bounds(problem: RolloutProblem, end: SearchEnd) -> SearchEnd:
@@ -240,8 +247,9 @@ def follows_better(robot: Robot, logs: Sequence[Log], found: Rollouts, other: Nu
     windows = thin_windows(cut_windows(logs))
     fixed = np.zeros((len(KINDS), len(robot.joints)), bool)
     errors = []
-    for values in (found.parameters, other):
-        machine = CommandedRobot(robot, {**drop_follower_friction(robot), **values})
+    for parameters in (found.parameters, other):
+        values = {**drop_follower_friction(robot), **parameters}
+        machine = CommandedRobot(*weaken_servos(robot, values))
         problem = RolloutProblem(machine, windows, fixed)
         x = problem.pack(machine.numbers(), found.delays)
         errors.append(problem.errors(problem.roll([x])[0]))

@@ -58,7 +58,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike, complete_motion
 from identifiability.robot.closure import known_torque
 from identifiability.robot.robot import new_place
-from identifiability.robot.servo import FOUND, Servo
+from identifiability.robot.servo import FOUND, Servo, weaken_servos
 from identifiability.robot.sidecar import Value
 
 from .case import MEASURED, Case, Use, apply_to_logs, take_case
@@ -972,7 +972,10 @@ def read_real(
     if physical.gravity is not None:
         given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
         robot = robot.turned(np.array(physical.gravity.direction))
-    return content, *apply_tilt(robot, given)
+    robot, given = apply_tilt(robot, given)
+    if found is not None:
+        robot, given = weaken_servos(robot, given)
+    return content, robot, given
 
 
 #: Words of a robot file for the numbers of a joint, and their kinds of parameters.
@@ -1468,20 +1471,6 @@ def _file_name(robot: Robot) -> str:
     if path.stem != "robot":
         return path.name
     return f"{robot.name}/{path.name}"
-
-
-def weaken_servos(robot: Robot, values: NumberByName) -> tuple[Robot, NumberByName]:
-    """Return a robot whose servos are as weak as scales of their torque say, and other values.
-
-    A torque that was computed of commands is too large by a scale because the gains are.
-    """
-    scales = [f"{j}.scale" for j in robot.joints]
-    servo = robot.servo
-    if servo is None or values.keys().isdisjoint(scales):
-        return robot, values
-    factor = np.array([1.0 + values.get(name, 0.0) for name in scales])
-    weak = servo.having({"kp": servo.kp / factor, "kv": servo.kv / factor})
-    return replace(robot, servo=weak), {n: x for n, x in values.items() if n not in scales}
 
 
 def _move(

@@ -44,16 +44,24 @@ def test_a_file_states_its_error_and_which_numbers_of_joints_the_logs_determine(
     assert joint[0] in out.read_text()
 
 
-@pytest.mark.parametrize("slide", [0.0, 0.004])
-def test_commands_move_the_written_file_as_they_move_the_result(made, tmp_path, slide):
+@pytest.mark.parametrize("slide, scale", [(0.0, 0.0), (0.004, 0.0), (0.0, 0.25)])
+def test_commands_move_the_written_file_as_they_move_the_result(made, tmp_path, slide, scale):
     robot, frames, result, path = made
     servo = replace(robot.servo, slide=np.full(2, slide))  # dry friction builds up
     told = replace(result.moved, robot=replace(robot, servo=servo)).to_rollout()
     own = tmp_path / "own.json"
-    own.write_text(json.dumps(json.loads(path.read_text()) | {"rollout": told}))
+    content = json.loads(path.read_text()) | {"rollout": told}
+    content["physical"]["parameters"]["elbow.scale"] = scale
+    own.write_text(json.dumps(content))
     out = tmp_path / "fitted.xml"
-    moved = export(robot, own, out, validate=frames[1], force=True).unseen
+    done = export(robot, own, out, validate=frames[1], force=True)
+    moved = done.unseen
     assert_allclose(Robot.load(out).servo.slide, slide)
+    # A torque that is too large by a scale is that of gains that are.
+    assert_allclose(Robot.load(out).servo.kp, [1200, 300 / (1 + scale)])
+    assert ("divided by 1 + scale (elbow 1.25)" in str(done.notes)) == (scale > 0)
+    isaac = export(robot, own, tmp_path / "servos.py", "isaaclab").robot.read_text()
+    assert f"'elbow': {300 / (1 + scale)}}}" in isaac
     told = predict(robot, own, frames[1], forward=True)
     assert_allclose(moved.totals, told.totals, rtol=1e-3)  # the file holds it all
     log = moved.logs[0]

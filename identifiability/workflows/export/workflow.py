@@ -76,7 +76,6 @@ from identifiability.workflows.predict import (
     read_real,
     refuse_robot,
     state_missing,
-    weaken_servos,
 )
 
 from .joints import describe_joints, state_doubted
@@ -487,8 +486,6 @@ def _prepare_writing(
     shapes = content.physical.shapes
     groups = {p.name: p.group for p in every_parameter(robot, shapes).values()}
     loaded = any(x and n in groups and FAMILIES[groups[n]].loaded for n, x in given.items())
-    if content.rollout:
-        robot, given = weaken_servos(robot, given)
     # Values from torque do not depend on servos of the file, which are kept.
     moved = robot if content.rollout else replace(robot, servo=None)
     reference = reference_values(robot) if loaded else {}
@@ -615,6 +612,8 @@ def _state_notes(
         part = "bristles" if kind == "mjcf" else "coulomb"
         most = 1e3 * max(moved.slide.values())
         yield phrase("exported", part, file=name, joints=[*moved.slide], most=most)
+    if moved is not None:
+        yield from _note_scales(robot, content, name)
     if moved is None and robot.servo is not None and robot.servo.delay is None:
         yield phrase("exported", "delay")
     if robot.tilt is not None:
@@ -629,6 +628,14 @@ def _state_notes(
     if content.warnings:
         yield phrase("exported", "warned", warnings=content.warnings)
     yield from state_missing(content.missing)
+
+
+def _note_scales(robot: Robot, content: ResultEntry, name: str) -> Iterator[str]:
+    """Yield the note on gains that hold a scale of the torque, if some do."""
+    scales = [(j, content.physical.parameters.get(f"{j}.scale")) for j in robot.joints]
+    weak = [f"{joint} {1.0 + x:.3g}" for joint, x in scales if x]
+    if weak:
+        yield phrase("exported", "weak", file=name, weak=weak)
 
 
 def _note_springs(found: BendingEntry, kind: Kind, name: str) -> str:
