@@ -527,7 +527,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     run = replace(run, errors=result.moved.from_commands * [0.01, 0.2])
     harmful = replace(result.moved, runs=(file, run, result.moved.runs[1]))
     assert moves_worse(harmful)
-    assert "With the named effects positions err by" in state_harm(harmful)
+    assert "with the named effects positions err by" in state_harm(harmful)
     blocked = replace(result.moved, runs=(file, run)).lead(told).short
     assert re.search(r"mrad \(elbow: .*If elbow touches .*'elbow.cmd': 'left_out'", blocked)
     assert found.answers()[1].tone == "green"  # no log was fitted
