@@ -5,7 +5,6 @@ import shutil
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
-from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -28,7 +27,6 @@ from identifiability import (
     prune,
 )
 from identifiability.effects import FAMILIES
-from identifiability.foundation.errors import RobotError
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs.prepare.preparation import choose_cutoff
@@ -534,19 +532,6 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     found.to_json(tmp_path / "rollout.json")
     for one in (found, move(arm, frames[1])):
         assert "times as large" in one.write_report(tmp_path / "rollout.html").read_text()
-
-
-def test_torque_tells_the_delay_of_a_robot_that_is_not_rolled_out(arm, frames, monkeypatch):
-    delay = roll_delayed(CommandedRobot(arm, TRUTH), read(arm, frames[0]))[0]
-    path = "identifiability.servos.follow.fit_unblocked"
-    monkeypatch.setattr(path, Mock(side_effect=RobotError("It has loops.")))
-    result = judge(arm, *frames)
-    (said,) = of_key(result.hints, "rollouts")
-    assert abs(float(re.search(r"delay = (\d\S+)\. ", said)[1]) - delay) < 5e-4
-    table = result.to_frame(details=True).set_index("name")
-    for joint in arm.joints:
-        low, high = table.loc[f"{joint}.Fv", "interval95"]
-        assert low < TRUTH[f"{joint}.Fv"] < high
 
 
 def test_every_verb_finds_the_delay_again_with_the_bodies_fitted(arm):

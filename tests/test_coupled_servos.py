@@ -36,6 +36,7 @@ LINK = """<link name="l{}"><inertial><origin xyz="0 0 {}"/><mass value="{}"/>
 <inertia ixx="{a}" iyy="{a}" izz="{}" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
 SIDECAR = "[servo]\nkp = {j1 = 20, j2 = 10}\nkv = {j1 = 1, j2 = 0.5}\n"
 FIT = '[servo]\nkp = "fit"\n[prior_share]\nl1 = 0.001\n'
+COUPLED = "[transmission]\nmotors = ['m1', 'm2']\ncoupling = [[1, 0], [0, 1]]\n"
 RATE = 50.0
 STEPS = 100
 
@@ -120,6 +121,20 @@ def test_a_finger_that_follows_is_fitted_rolled_out_and_exported(tmp_path, kind,
     # The step of the encoders is 1.5 mrad.
     assert moved.totals[-1] < 2e-3
     assert analysis_moving(result) is not None
+
+
+def test_torque_tells_the_delay_of_a_finger_that_is_not_rolled_out(tmp_path):
+    path, true = write_finger(tmp_path, "joint", COUPLED)
+    frames = [record(true, seed, 12.0) for seed in (0, 1)]
+    for frame in frames:  # commands that act a row later, 20 ms
+        frame[["j1.cmd", "j2.cmd"]] = frame[["j1.cmd", "j2.cmd"]].shift(-1).ffill()
+    result = analyze(path, *frames, quick=True)
+    low, high = result.to_frame(details=True).set_index("name").loc["j2.Fv", "interval95"]
+    assert low < 0.08 < high
+    saved = result.to_json(tmp_path / "result.json")
+    assert predict(path, saved, frames[1]).error_ra < 0.06  # .64 without the delay
+    export(path, saved, tmp_path / "fitted.xml", validate=frames[1])
+    assert abs(Robot.load(tmp_path / "fitted.xml").servo.delay - 0.02) < 5e-4
 
 
 def test_bodies_of_the_file_alone_determine_the_scale_of_gains_that_nobody_states(tmp_path):

@@ -667,16 +667,18 @@ def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str
     text = "" if robot.sidecar is None else robot.sidecar.read_text("utf-8-sig")
     given = tomllib.loads(text)
     servo = robot.known_servo
-    gains = servo.by_joint(robot.joints) if servo and (robot.mjcf or servo.source == FOUND) else {}
+    gains: Fields = {}
+    if servo and (robot.mjcf or servo.source == FOUND):
+        gains |= servo.by_joint(robot.joints)
     new: Fields = {key: dict(table) for key, table in tables.items()}
     if robot.lock_option:
         new |= {"locked": dict(robot.locked)}
     if robot.base_option is not None:
         new |= {"base": robot.base_option}
-    if servo and gains:
-        own = dict(given.get("servo", {}))
-        if servo.delay is None:  # the stated one was found wrong, or there is none
-            own.pop("delay", None)
+    if servo and servo.delay is not None:
+        gains |= {"delay": servo.delay}
+    if gains:  # a stated delay that was found wrong is left out
+        own = {k: x for k, x in given.get("servo", {}).items() if k != "delay"}
         new |= {"servo": own | gains}
     if robot.sidecar is None and not any(new.values()):
         return None

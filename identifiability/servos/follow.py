@@ -106,7 +106,7 @@ def follow_commands(
         found = servo.rolled or fit_unblocked(robot, logs, file_shares(robot), say, first)
     except RobotError as error:
         say("locating commands", 0.35)
-        return _without_rollouts(recordings, structure, at, error), structure
+        return _without_rollouts(recordings, structure, at, error)
     aside = [set_aside_rows(*pair) for pair in zip(logs, found.blocked, strict=True)]
     slide = CommandedRobot(robot, found.parameters).distance(found.numbers)
     servo = replace(servo, slide=slide)
@@ -357,8 +357,8 @@ def _without_rollouts(
     structure: Structure,
     at: Sequence[int],
     error: RobotError,
-) -> Recordings:
-    """Return recordings with the delay by least squares, and why their torque is not calibrated.
+) -> tuple[Recordings, Structure]:
+    """Return recordings and structure with the delay by least squares, and why nothing is rolled.
 
     Parameters
     ----------
@@ -383,8 +383,10 @@ def _without_rollouts(
     late = {"late": 1e3 * delay, "delay": round(delay, 4)}
     which = "none" if servo.delay is None else "stated"
     texts = phrase("rollouts", which, error=str(error), **late), servo.state_lags()
-    hint = Finding("rollouts", text=" ".join(filter(None, texts)))
-    return replace(recordings, hints=(hint, *recordings.hints), later=tuple(later))
+    hints = (Finding("rollouts", text=" ".join(filter(None, texts))), *recordings.hints)
+    recordings = replace(recordings, hints=hints, later=tuple(later))
+    servo = replace(servo, delay=delay)
+    return recordings, replace(structure, robot=replace(structure.robot, servo=servo))
 
 
 def _delay_doubts(own: dict[int, Log], servo: Servo, found: Rollouts) -> list[dict[int, Log]]:

@@ -129,6 +129,12 @@ def _check_branch(robot: Robot, model: Any, name: str, arms: NumberByName) -> No
         )
 
 
+def moves_by_commands(robot: Robot) -> bool:
+    """Return whether rollouts of commands can move a robot."""
+    spatial = any(cable.points for cable in robot.cables)
+    return not (robot.loops or spatial or robot.transmission)
+
+
 class CommandedRobot:
     """A robot with given parameters and servos.
 
@@ -157,8 +163,7 @@ class CommandedRobot:
                 f"{robot.path} are to be found from logs of commands, so nothing can move "
                 "yet: analyze such logs and give the result."
             )
-        spatial = any(cable.points for cable in robot.cables)
-        if robot.loops or spatial or robot.transmission is not None:
+        if not moves_by_commands(robot):
             raise RobotError(
                 f"{robot.path} has loops, tendons between bodies, or a [transmission]: commands "
                 'do not move it in simulation (--forward), so no gain can be fitted ("fit"). '

@@ -329,10 +329,13 @@ class Predicts(ABC):
         IdentifiabilityError
             If the fitted logs had nothing to explain, or a log does not fit the robot.
         """
+        from identifiability.simulation.rollout import moves_by_commands  # noqa: PLC0415 - MuJoCo
+
         run = Run(engine=engine or Serial())
         fit = self.fit
+        use = replace(MOTION, commands=not moves_by_commands(fit.robot))
         with one_thread("blas"):
-            case = Case(fit.robot, logs, preparation=fit.preparation, use=MOTION)
+            case = Case(fit.robot, logs, preparation=fit.preparation, use=use)
             return _predict_along(fit, case.with_(reading=fit.reading), run)
 
     @staticmethod
@@ -487,6 +490,8 @@ class Fit(Keyed, Predicts):
             "began": self.began,
             "preparation": preparation,
         }
+        if self.robot.servo is not None:
+            told |= {"delay": self.robot.servo.delay}
         if self.reading is not None:
             told |= {"reading": self.reading.to_dict()}
         return {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in told.items()}
@@ -715,6 +720,7 @@ class FitEntry(Entry):
     reading: ReadingEntry | None = None
     began: float | None = None
     preparation: Preparation
+    delay: float | None = None
 
 
 class GravityEntry(Entry):
@@ -938,7 +944,11 @@ def _read_result(path: str | Path, robot: Robot, done: str) -> tuple[ResultEntry
         was = [f"{n} = {at:g}" for n, at in content.robot.locked.items()] or ["nothing"]
         now = [*robot.locked] or ["nothing"]
         raise IdentifiabilityError(Finding("result.locked", path, was=was, now=now))
-    return content, replace(robot, reference=content.physical.reference or robot.reference)
+    servo = robot.servo
+    if servo is not None and servo.delay is None and content.fit is not None:
+        servo = replace(servo, delay=content.fit.delay)
+    reference = content.physical.reference or robot.reference
+    return content, replace(robot, reference=reference, servo=servo)
 
 
 def read_real(

@@ -49,11 +49,11 @@ from identifiability.foundation.quoting import for_patch, for_python
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import find_larger, find_rises, state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.quality.recordings import Logs, list_logs
-from identifiability.reading import CarriedReading, ReadingEntry
+from identifiability.reading import CarriedReading
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
@@ -64,9 +64,11 @@ from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
 from identifiability.simulation import MujocoRobot, PrescribedMotion
 from identifiability.simulation.elastic import bend
+from identifiability.simulation.rollout import moves_by_commands
 from identifiability.workflows.case import Case, Use
 from identifiability.workflows.predict import (
     BendingEntry,
+    FitEntry,
     PositionPrediction,
     ResultEntry,
     check_reading,
@@ -479,6 +481,12 @@ def _state_lost(
     return phrase("exported", part, file=name, effect=effect, name=most)
 
 
+def _has_servos(robot: Robot, content: ResultEntry) -> bool:
+    """Return whether the values of a result belong to torque that its servos make of commands."""
+    is_late = content.fit is not None and content.fit.delay is not None
+    return content.rollout is not None or (is_late and not moves_by_commands(robot))
+
+
 def _prepare_writing(
     robot: Robot, content: ResultEntry, given: NumberByName
 ) -> Callable[[Path], Written]:
@@ -486,14 +494,14 @@ def _prepare_writing(
     shapes = content.physical.shapes
     groups = {p.name: p.group for p in every_parameter(robot, shapes).values()}
     loaded = any(x and n in groups and FAMILIES[groups[n]].loaded for n, x in given.items())
-    # Values from torque do not depend on servos of the file, which are kept.
-    moved = robot if content.rollout else replace(robot, servo=None)
+    # Values from measured torque do not depend on servos of the file, which are kept.
+    moved = robot if _has_servos(robot, content) else replace(robot, servo=None)
     reference = reference_values(robot) if loaded else {}
     head = [state_servos(robot, content)]
     lines = _describe_joints(robot, content, given)
     if lines:
         head.append(phrase("exported", "joints"))
-        head.append(phrase("exported", "rotors") if content.rollout else "")
+        head.append(phrase("exported", "rotors") if moved.servo else "")
         head += lines
     head.append(state_doubted(content.parameters))
     comment = "\n       ".join(filter(None, head))
@@ -614,8 +622,9 @@ def _state_notes(
         yield phrase("exported", part, file=name, joints=[*moved.slide], most=most)
     if moved is not None:
         yield from _note_scales(robot, content, name)
-    if moved is None and robot.servo is not None and robot.servo.delay is None:
-        yield phrase("exported", "delay")
+    if moved is None and robot.servo is not None:
+        which = "late" if robot.servo.delay else "delay"
+        yield phrase("exported", which, late=1e3 * (robot.servo.delay or 0.0))
     if robot.tilt is not None:
         yield phrase("exported", "tilt", file=name, tilt=robot.tilt.text)
     if kind is not None and robot.known_torque:
@@ -711,13 +720,10 @@ def judge_files(
     read = partial(_reread, robot, written.robot, written.sidecar)
     if content.rollout is not None:
         return cast("PositionPrediction", predict(robot, read(alone=False), logs, forward=True))
-    entry = content.fit
-    how = None if entry is None else entry.preparation
-    reading = None if entry is None else entry.reading
     files = [_reread(robot, robot.path, robot.sidecar, alone=True), read(alone=True)]
     if written.sidecar:
         files += [read(alone=False)]
-    judged = [_predict_by_file(copy, logs, how, reading) for copy in files]
+    judged = [_predict_by_file(copy, logs, content.fit) for copy in files]
     errors = [float(found.relative_error()[0]) for found, _ in judged]
     found, names = judged[1]
     worst = robot.joints[int(np.argmax(found.joint_error()[:, 0]))]
@@ -726,19 +732,29 @@ def judge_files(
 
 
 def _predict_by_file(
-    robot: Robot, logs: Logs, how: Preparation | None, reading: ReadingEntry | None
+    robot: Robot, logs: Logs, entry: FitEntry | None
 ) -> tuple[Prediction, Strings]:
     """Return torque along logs by all values of a robot file, and the names of the logs.
 
-    Logs are read as those of the result, without gravity where their torque lacks it.
+    Logs are read as those of the result, without gravity where their torque lacks it. Their
+    commands have its delay.
     """
+    how = None if entry is None else entry.preparation
+    reading = None if entry is None else entry.reading
+    if robot.servo is not None and entry is not None and entry.delay is not None:
+        robot = replace(robot, servo=replace(robot.servo, delay=entry.delay))
     stated = {name for name, value in robot.nominal.items() if value}
     # One level of dry friction stands for both directions, too.
     effects = [f.effect for name, f in FAMILIES.items() if name != "coulomb_friction"]
     model = Model(tuple(e for e in effects if stated & {p.name for p in e.parameters(robot)}))
     carried = CarriedReading.of_entry(reading, robot)
-    use = Use(divides=False, commands=False)
-    case = Case(robot, logs, preparation=how, reading=carried, use=use)
+    case = Case(
+        robot,
+        logs,
+        preparation=how,
+        reading=carried,
+        use=Use(divides=False, commands=not moves_by_commands(robot)),
+    )
     structure = Structure.of(robot if carried is None else carried.turn(robot), model)
     samples = case.samples(structure.robot, Run(), "compared")
     if robot.springs:
