@@ -23,6 +23,7 @@ from typing import Any, Self
 import numpy as np
 
 from identifiability.effects import FAMILIES, default_effects
+from identifiability.effects.base import GravityTilt
 from identifiability.effects.friction import PassiveJointFriction
 from identifiability.effects.measurement import (
     ClockError,
@@ -1029,7 +1030,9 @@ def describe_completed(shares: Sequence[Share], robot: Robot, fitted: Measured) 
     what = [describe_term(s.term) for s in shares]
     parts = [phrase("alternative", "has", what=what)]
     if len(clocks) < len(shares):
-        parts.append(state_gains(fitted, robot) or phrase("alternative", "columns"))
+        tilted = {s.term.group.family for s in shares} - {*CLOCKS} == {GravityTilt.name}
+        way = "tilted" if tilted else "columns"
+        parts.append(state_gains(fitted, robot) or phrase("alternative", way))
     for s in clocks:
         family, place = s.term.key
         kind = CLOCKS[family]
