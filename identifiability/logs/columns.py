@@ -923,13 +923,21 @@ def _name_missing(missing: Sequence[str], free: Sequence[str]) -> str:
             likely = [n for n in measured if words_of(n)[:1] == words_of(measured[0])[:1]]
         if len(wanted) != len(likely):
             return ""
-        named = {take_joint(words_of(n), wanted)[0]: n for n in likely}
-        pairs = zip(wanted, likely, strict=True)
-        columns = {j: [Column(named.get(j, n), kind, j, number=0)] for j, n in pairs}
-        unit = last_unit(words_of("".join(likely[:1])))
-        end = f" [{unit.text}]" if unit and unit.dimension in DIMENSIONS[kind] else ""
-        rules += [(old, new + end) for old, new in propose_rules(kind, columns)]
+        rules += _rename_in_turn(kind, wanted, likely)
     return " ".join(option_for_shell("--map", "=".join(rule), always=True) for rule in rules)
+
+
+def _rename_in_turn(
+    kind: str, wanted: Sequence[str], likely: Sequence[str]
+) -> Iterator[tuple[str, str]]:
+    """Yield rules that make columns those of as many joints, with the unit of the first."""
+    named = {take_joint(words_of(n), wanted)[0]: n for n in likely}
+    pairs = zip(wanted, likely, strict=True)
+    columns = {j: [Column(named.get(j, n), kind, j, number=0)] for j, n in pairs}
+    unit = last_unit(words_of("".join(likely[:1])))
+    end = f" [{unit.text}]" if unit and unit.dimension in DIMENSIONS[kind] else ""
+    for old, new in propose_rules(kind, columns):
+        yield old, new + end
 
 
 def _have_both_sides(names: Iterable[str], joints: Sequence[str]) -> bool:

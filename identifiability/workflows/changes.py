@@ -6,7 +6,7 @@ It also lists competing hypotheses.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
 from typing import Any
@@ -423,7 +423,7 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
             for rival in found.model.rivals(terms, k)
             if rival.odds > 0 and not _is_repeated(found, terms, terms[k], rival)
         ]
-        course = _list_course(found, terms, which, names)
+        course = tuple(_list_course(found, terms, which, names))
         changes.append(replace(change, alternatives=tuple(alternatives), course=course))
     ordered = sorted(changes, key=lambda c: -c.odds)
     return tuple(_join_steps(ordered, names[: found.later]))
@@ -475,8 +475,8 @@ def _join_steps(changes: Sequence[Change], later: Sequence[str]) -> list[Change]
 
 def _list_course(
     found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
-) -> tuple[Change, ...]:
-    """Return the change of some terms in each later log; none of one later log.
+) -> Iterator[Change]:
+    """Yield the change of some terms in each later log; none of one later log.
 
     All changes of the same kind and place are replaced by one in each log.
     """
@@ -484,7 +484,7 @@ def _list_course(
     own = found.whose(first)
     later = found.later
     if later < 2 or own.pattern == WARM:
-        return ()
+        return
 
     def alike(group: Group) -> bool:
         other = found.candidate_of(group)
@@ -500,11 +500,9 @@ def _list_course(
         if np.count_nonzero(amounts) == 1 and log < later:
             singles.append((log, replace(first, group=group, member=member)))
     every = (*rest, *(term for _, term in singles))
-    course = []
     for log in range(later):
         at = [len(rest) + k for k, (of_log, _) in enumerate(singles) if of_log == log]
-        course.append(_measure_change(found, every, at, names))
-    return tuple(course)
+        yield _measure_change(found, every, at, names)
 
 
 def _measure_change(
