@@ -30,6 +30,11 @@ HOSTILE = (
 )
 
 
+def append(folder, text):
+    with (folder / "case.toml").open("a") as file:
+        file.write(text)
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     made = new_study(tmp_path / "study", "two-link").folder
@@ -55,8 +60,7 @@ def test_verbs_need_no_arguments_in_the_folder_of_a_case(folder, command):
         assert done.exit_code == 0, done.output
     typed = command("payload", ".", "result.json", "run3.csv").output
     assert "payload robot.xml result.json run3.csv --body" in next_line(typed)
-    with (folder / "case.toml").open("a") as file:
-        file.write('loaded = ["run3.csv"]\n')
+    append(folder, 'loaded = ["run3.csv"]\n')
     weighed = command("payload", "--json", "load.json")
     assert weighed.exit_code == 0, weighed.output
     load = result_of(folder, "load.json")
@@ -76,8 +80,7 @@ def next_line(said):
 
 
 def test_proposed_lines_are_short_where_the_case_says_the_same(folder, command, monkeypatch):
-    with (folder / "case.toml").open("a") as file:
-        file.write("[settings]\ncutoff = 9.0\n")
+    append(folder, "[settings]\ncutoff = 9.0\n")
     assert next_line(command("inspect").output) == "identifiability analyze --report report.html"
     line = next_line(command("analyze", "--quick").output)
     assert line.startswith("identifiability ")
@@ -97,8 +100,7 @@ def test_the_command_line_goes_before_the_case_and_the_case_before_the_sidecar(f
         return result_of(folder)["fit"]["preparation"]
 
     assert cutoff()["cutoff"] == pytest.approx(7.0)
-    with (folder / "case.toml").open("a") as file:
-        file.write("[settings]\ncutoff = 9.0\n")
+    append(folder, "[settings]\ncutoff = 9.0\n")
     found = cutoff()
     assert (found["cutoff"], found["decimate"]) == (pytest.approx(9.0), 2)
     assert cutoff("--set", "cutoff=8")["cutoff"] == pytest.approx(8.0)
@@ -109,8 +111,7 @@ def test_the_command_line_goes_before_the_case_and_the_case_before_the_sidecar(f
 
 
 def test_a_case_is_read_from_elsewhere_and_from_python(folder, command, tmp_path, monkeypatch):
-    with (folder / "case.toml").open("a") as file:
-        file.write("[masses]\nlink2 = [2.4, 2.6]\n[settings]\ndecimate = 3\n")
+    append(folder, "[masses]\nlink2 = [2.4, 2.6]\n[settings]\ndecimate = 3\n")
     monkeypatch.chdir(tmp_path)
     assert "link2 2.4 … 2.6 kg" in command("inspect", "study").output
     case = Case.load("study")

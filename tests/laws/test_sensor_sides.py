@@ -8,6 +8,8 @@ from identifiability import Robot, analyze, export
 from identifiability.foundation.errors import LogError
 from identifiability.simulation.mujoco_robot import MujocoRobot
 
+from ..roads import waves
+
 ARM = """<mujoco><compiler angle="radian"/><worldbody><body name="upper">
   <joint name="a" axis="0 1 0" ARMATURE/><inertial pos=".3 0 0" mass="2" diaginertia=".01 .05 .05"/>
   <body name="fore" pos=".5 0 0"><joint name="b" axis="0 1 0" ARMATURE/>
@@ -32,10 +34,7 @@ def move(make, rng):
     """Return a log with link torque, and the torque of the drives (N, 2)."""
     t = np.arange(0.0, 10.0, 0.01)
     rates = np.array([[1.1, 2.7, 4.9], [1.7, 3.1, 4.3]])
-    phases = rng.uniform(0, 6, (2, 3)) + rates * t[:, None, None]
-    q = 0.4 * np.sin(phases).sum(2)
-    v = 0.4 * (rates * np.cos(phases)).sum(2)
-    a = -0.4 * (rates**2 * np.sin(phases)).sum(2)
+    q, v, a = waves(t, rates.T, 0.4, rng.uniform(0, 6, (2, 3)).T)
     link = MujocoRobot(make()).inverse_dynamics(q, v, a).tau
     drive = DRIVE["Ia"] * a + DRIVE["Fv"] * v + DRIVE["Fc"] * np.sign(v)
     frame = pd.DataFrame({"t": t})
