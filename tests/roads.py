@@ -30,6 +30,12 @@ def nominal_torque(robot, motion):
     return model.regressor(robot, motion) @ np.array(values)
 
 
+def waves(t, rates, sizes, phases):
+    """Return position, velocity and acceleration (N, n) of sums of sines (k, n) at rates (k, n)."""
+    angle = np.multiply.outer(t, rates) + phases
+    return [(sizes * rates**k * np.sin(angle + k * np.pi / 2)).sum(1) for k in range(3)]
+
+
 def weight(robot, log):
     """Return the torque (N, n) that holds a robot at the positions of a log."""
     motion = complete_motion(robot, log.t, log.q, 0 * log.q, 0 * log.q)

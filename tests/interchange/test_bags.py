@@ -18,6 +18,10 @@ JOINTS = ("shoulder", "elbow")
 COLUMNS = [f"{j}.{c}" for c in ("q", "dq", "tau") for j in JOINTS]
 
 
+def check(log, frame):
+    pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
+
+
 def refused(path):
     with pytest.raises(IdentifiabilityError) as error:
         Log.read(path)
@@ -32,7 +36,7 @@ def test_a_bag_is_the_log_that_was_recorded(storage, frame, states, write_bag):
         log = Log.read(path)
         assert log.joints == JOINTS
         # q, dq and tau are doubles in the message; time is cut to a nanosecond.
-        pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
+        check(log, frame)
         assert_allclose(log.t, frame["t"] - frame["t"][0], rtol=0, atol=1.1e-9)
         assert log.start == pytest.approx(1_700_000_000.123456789 + frame["t"][0], abs=1e-6)
 
@@ -42,7 +46,7 @@ def test_joints_in_another_order_and_messages_out_of_order_do_not_matter(frame, 
     back = list(states(frame, JOINTS[::-1]))
     mixed = [m for pair in zip(there[1::2], back[::2], strict=True) for m in pair]
     log = Log.read(write_bag({"/joint_states": mixed})).select(JOINTS)
-    pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
+    check(log, frame)
 
 
 def test_messages_without_a_stamp_have_the_time_at_which_they_were_recorded(
@@ -83,7 +87,7 @@ def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(frame, state
     assert "tell of different joints (shoulder, elbow; then finger)" in refused(bag)
     known = Conventions.of(Robot.load("two-link"))
     log = Log.read(bag, known)
-    pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
+    check(log, frame)
     assert log.notes == ("messages that do not tell of the robot's joints were passed over",)
     apart = Log.read(write_bag({"/gripper": finger, "/joint_states": arm}, name="apart"), known)
     assert_array_equal(apart.q, log.q)
@@ -147,4 +151,4 @@ def test_inertial_sensor_and_wrenches_are_read_at_the_times_of_the_joint_states(
     assert_allclose(read["base.gyro.z"], 1e-4 * k, atol=1e-6)
     assert_allclose(read["left.foot.force.z"], 3 + k, atol=1e-3)
     assert (read["left.foot.torque.y"] == 0.2).all()
-    pd.testing.assert_frame_equal(Log.read(bag).to_frame()[COLUMNS], frame[COLUMNS])
+    check(Log.read(bag), frame)

@@ -35,6 +35,11 @@ def rows(regression):
     return W, tau
 
 
+WEIGHTS = np.array([1.0, 0.1, 4.0])
+M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 0], [0, 1]])
+HELD = np.array([0, 0, 0, 3.0, 0])
+
+
 def test_values_are_least_squares_on_all_rows_and_sigma_is_that_of_khalil_and_dombre(
     regression, rows
 ):
@@ -95,31 +100,28 @@ def test_every_view_of_blocks_over_seen_columns_equals_the_rows(size, instrument
     information = Information.of_rows("abcde", W, tau, log, size, second)
     own = [p.columns[p.columns < 5].tolist() for p in information.parts]
     assert own == [[0, 1, 2, 3, 4], [0, 1], [4]]
-    M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 0], [0, 1]])
-    held = np.array([0, 0, 0, 3.0, 0])
-    reduced = information.reduce(M, "xy", held)
+    reduced = information.reduce(M, "xy", HELD)
     assert [p.columns[p.columns < 2].tolist() for p in reduced.parts] == [[0, 1], [0], [1]]
     merged = information.merge(np.arange(0, 600 // size, 3))
-    weights = np.array([1.0, 0.1, 4.0])
     rows = np.concatenate([W, tau[:, :, None]], 2)
-    fewer = np.concatenate([W @ M, (tau - W @ held)[:, :, None]], 2)
+    fewer = np.concatenate([W @ M, (tau - W @ HELD)[:, :, None]], 2)
     for found, Z in (
         (information, rows),
         (reduced, fewer),
         (merged, rows),
     ):
         every = np.eye(Z.shape[2])
-        expected = np.einsum("a,tai,taj->ij", weights, Z, Z)
+        expected = np.einsum("a,tai,taj->ij", WEIGHTS, Z, Z)
         scale = {"rtol": 1e-10, "atol": 1e-9 * np.abs(expected).max()}
-        R = found.factor(weights)
+        R = found.factor(WEIGHTS)
         assert_allclose(R.T @ R, expected, **scale)
         assert_array_equal(np.tril(R, -1), 0.0)
-        blocks = found.products(weights, every, every)
+        blocks = found.products(WEIGHTS, every, every)
         ends = np.cumsum(found.counts)
         sums = [part.sums @ own for part, own in found.of_actuators(every)]
         for k, (stop, count) in enumerate(zip(ends, found.counts, strict=True)):
             own = Z[stop - count : stop]
-            inside = np.einsum("a,tai,taj->ij", weights, own, own)
+            inside = np.einsum("a,tai,taj->ij", WEIGHTS, own, own)
             assert_allclose(blocks[k], inside, **scale)
             assert_allclose([x[k] for x in sums], own.sum(0), **scale)
         squares = np.einsum("tai,tai->ai", Z, Z)

@@ -12,11 +12,7 @@ from identifiability import (
     prepare_log,
 )
 
-from .test_information import seen_rows
-
-WEIGHTS = np.array([1.0, 0.1, 4.0])
-M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 0], [0, 1]])
-HELD = np.array([0, 0, 0, 3.0, 0])
+from .test_information import HELD, WEIGHTS, M, seen_rows
 
 
 def from_rows(V, W, tau, weights):

@@ -16,6 +16,7 @@ from identifiability.robot import complete_motion
 from identifiability.robot.servo import Servo
 
 T = np.linspace(0, 2.5, 60)
+DELAY = Model.of("time_delay")
 
 
 def torque(robot, motion):
@@ -166,23 +167,23 @@ def test_a_delay_does_not_look_across_gaps(polar, by_hand):
     """The columns of a motion with a gap are those of its stretches, each by itself."""
     motion = swung(polar, by_hand, fine(by_hand, 40))
     rows = np.r_[0:11, 13:15, 20:40]  # a long stretch, two samples alone, a long stretch
-    W = Model.of("time_delay").regressor(polar, motion[rows])
-    whole = Model.of("time_delay").regressor(polar, motion)
+    W = DELAY.regressor(polar, motion[rows])
+    whole = DELAY.regressor(polar, motion)
     inner = np.r_[1:10, 21:39]  # with both neighbours
     assert_allclose(W[np.searchsorted(rows, inner)], whole[inner], atol=1e-12)
     for a, b in ((0, 11), (20, 40)):
-        alone = Model.of("time_delay").regressor(polar, motion[np.arange(a, b)])
+        alone = DELAY.regressor(polar, motion[np.arange(a, b)])
         assert_array_equal(W[np.isin(rows, np.arange(a, b))], alone)
     assert not W[np.isin(rows, [13, 14])].any()  # too few to have a slope
     for few in (1, 2):
-        assert not Model.of("time_delay").regressor(polar, motion[np.arange(few)]).any()
+        assert not DELAY.regressor(polar, motion[np.arange(few)]).any()
 
 
 def test_a_delay_differentiates_no_step_of_dry_friction(make, tables, polar, move):
     pair = polar, make(tables.POLAR.replace('frictionloss="1.3"', 'frictionloss="130"'))
-    assert_array_equal(*(Model.of("time_delay").regressor(r, move(r, T)) for r in pair))
+    assert_array_equal(*(DELAY.regressor(r, move(r, T)) for r in pair))
     scaled = replace(polar, reference={**polar.nominal, "lift.scale": 0.08})  # late and too large
-    W, own = (Model.of("time_delay").regressor(r, move(r, T)) for r in (scaled, polar))
+    W, own = (DELAY.regressor(r, move(r, T)) for r in (scaled, polar))
     assert_allclose(W, own * [1.08, 1.0], rtol=1e-9)
 
 

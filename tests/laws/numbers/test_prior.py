@@ -30,6 +30,10 @@ REGION = PhysicalSet(
 FILE = np.r_[BODY, 0.5 * BODY, 0.4, 0.1]
 
 
+def towards_file(weight=1.0, **more):
+    return Projection(REGION, prior=CadPrior(FILE, weight), **more)
+
+
 def problem(seed, rows):
     """Data that see some combinations of two bodies and two levels of friction."""
     rng = default_rng(seed)
@@ -50,10 +54,10 @@ def test_newton_keeps_what_is_held_and_stops_friction_at_zero(monkeypatch):
     row = np.zeros((1, 22))
     row[0, 20:] = 1.0, -1.0  # both levels alike
     data = problem(1, 40)
-    found = Projection(REGION, prior=CadPrior(FILE, 1.0), fixed=Fixed(row, np.zeros(1))).solve(data)
+    found = towards_file(fixed=Fixed(row, np.zeros(1))).solve(data)
     assert found.phi[20] == pytest.approx(found.phi[21], abs=1e-9)
     pushed = LeastSquares(np.eye(22)[20:], np.array([-3.0, 2.0]), 1.0, 1.0)
-    stopped = Projection(REGION, prior=CadPrior(FILE, 1.0)).solve(pushed)
+    stopped = towards_file().solve(pushed)
     assert 0 <= stopped.phi[20] < 1e-7
     assert_allclose(stopped.phi[20:], [0.0, 2.0], atol=1e-4)
     assert_allclose(stopped.phi[:20], FILE[:20], rtol=1e-4, atol=1e-5)
@@ -62,17 +66,17 @@ def test_newton_keeps_what_is_held_and_stops_friction_at_zero(monkeypatch):
 def test_a_path_of_priors_passes_each_ones_optimum():
     data = problem(2, 40)
     weights = (100.0, 10.0, 0.1)
-    path = list(Projection(REGION, prior=CadPrior(FILE, 1.0)).follow(data, weights))
+    path = list(towards_file().follow(data, weights))
     assert len(path) == 3
     for weight, (phi, _) in zip(weights, path, strict=True):
-        best = Projection(REGION, prior=CadPrior(FILE, weight)).solve(data).phi
+        best = towards_file(weight).solve(data).phi
         assert cost(data, phi, weight) - cost(data, best, weight) < 1e-2
 
 
 def test_errors_on_the_path_are_the_inverse_curvature_of_the_cost():
     data = problem(3, 60)
     weight = 10.0
-    ((phi, root),) = Projection(REGION, prior=CadPrior(FILE, 1.0)).follow(data, [weight])
+    ((phi, root),) = towards_file().follow(data, [weight])
     covariance = root @ root.T
     for k in range(20):  # along a direction that moves what is most probable by one sd of it
         step = covariance[:, k] / np.sqrt(covariance[k, k])

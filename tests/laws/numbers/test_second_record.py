@@ -10,6 +10,9 @@ from identifiability import Log, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.spectrum import noise_level, resolution
 
+from ...roads import waves
+from ..signals.test_series import PHASES, RATES, SIZES
+
 STEP = 0.005
 NOISE = (2e-3, 2e-2, 0.3)
 
@@ -17,16 +20,10 @@ NOISE = (2e-3, 2e-2, 0.3)
 def motion(periodic, samples=2000):
     """Return position, velocity and acceleration (N, 2), of the two joints of a robot."""
     t = STEP * np.arange(samples)
-    rates = 2 * np.pi / (STEP * samples / 2) * np.array([1, 2, 3, 5])
+    rates = 2 * np.pi / (STEP * samples / 2) * RATES
     if not periodic:
         rates = rates * [0.71, 1.13, 0.87, 1.0]
-    size = np.array([[0.5, 0.4], [0.3, -0.2], [0.1, 0.2], [0.05, 0.1]])
-    phase = np.array([[0.1, 2.0], [1.0, 0.5], [2.5, 0.3], [0.7, 1.7]])
-    angle = np.multiply.outer(t, rates)[:, :, None] + phase
-    q = (size * np.sin(angle)).sum(1)
-    dq = (size * rates[:, None] * np.cos(angle)).sum(1)
-    ddq = -(size * rates[:, None] ** 2 * np.sin(angle)).sum(1)
-    return t, q, dq, ddq
+    return t, *waves(t, rates[:, None], SIZES, PHASES)
 
 
 def noisy(two, periodic, seed=0, level=1.0):

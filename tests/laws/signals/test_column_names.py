@@ -33,10 +33,12 @@ def first(log):
     return log.q[0].tolist(), log.tau[0].tolist()
 
 
+#: Joints, positions and torques of columns in the order of the robot.
+IN_ORDER = (PAIR, [1, 2], [3, 4])
 UNDERSTOOD = {
-    "flat": (["t", *each("observation.{k}.{j}", PAIR, ("state", "effort"))], PAIR, [1, 2], [3, 4]),
+    "flat": (["t", *each("observation.{k}.{j}", PAIR, ("state", "effort"))], *IN_ORDER),
     "words": (["time", *each("{j}_{k}", ARM, ("position", "effort"))], ARM, [1, 2, 3], [4, 5, 6]),
-    "estimates": (["t", *each("{k}_{j}", PAIR, ("q", "tau_est"))], PAIR, [1, 2], [3, 4]),
+    "estimates": (["t", *each("{k}_{j}", PAIR, ("q", "tau_est"))], *IN_ORDER),
     "both": (["t", *each("{k}_{j}", PAIR, ("q", "tau_est", "tau"))], PAIR, [1, 2], [5, 6]),
     "PlotJuggler": (
         [
@@ -69,8 +71,8 @@ UNDERSTOOD = {
         [2, 1],
         [4, 3],
     ),
-    "letters": (["time_ms", "theta1", "theta2", "M1_torque", "M2_torque"], PAIR, [1, 2], [3, 4]),
-    "levels": (["t", *each("('{j}', '{k}')", PAIR, ("q", "tau"))], PAIR, [1, 2], [3, 4]),
+    "letters": (["time_ms", "theta1", "theta2", "M1_torque", "M2_torque"], *IN_ORDER),
+    "levels": (["t", *each("('{j}', '{k}')", PAIR, ("q", "tau"))], *IN_ORDER),
 }
 
 

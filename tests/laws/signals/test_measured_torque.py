@@ -36,6 +36,9 @@ def table(kind="tau"):
     )
 
 
+GIVEN = table().filter(like="tau")
+
+
 def torques(frame, robot, **others):
     known = Conventions(**{**vars(Conventions.of(robot)), **others})
     log = Log.from_frame(frame, "log", known)
@@ -45,22 +48,21 @@ def torques(frame, robot, **others):
 def test_torque_is_the_value_times_gain_ratio_and_sign(load):
     robot = load("[torque]\ngain = {a = 0.5}\nratio = {a = 100, b = 50}\nsign = {b = -1}\n")
     tau, notes = torques(table(), robot)
-    given = table().filter(like="tau")
-    assert_allclose(tau, given * [0.5 * 100, -50])
+    assert_allclose(tau, GIVEN * [0.5 * 100, -50])
     assert notes == ("torques were multiplied by their gain, ratio and sign (a: 50, b: -50)",)
-    assert_allclose(torques(table(), load("[torque]\ngain = 0.001\n"))[0], 1e-3 * given)
+    assert_allclose(torques(table(), load("[torque]\ngain = 0.001\n"))[0], 1e-3 * GIVEN)
     more = table().assign(**{"a2.torque [%]": 1.0, "a.current": 1.0})
     same, (spare, unread) = torques(more, load())
     assert unread.numbers == {"columns": ["'a2.torque [%]'"]}
     assert spare == "a.current is not used, as the log has torque of its joint"
-    assert_array_equal(same, given)
+    assert_array_equal(same, GIVEN)
     assert torques(table(), load())[1] == ()
 
 
 def test_currents_stand_for_torques_where_their_gain_is_known(load, rejected):
     robot = load("[torque]\ngain = {a = 11, b = 7}\n")
     tau, notes = torques(table("current"), robot)
-    assert_allclose(tau, table().filter(like="tau") * [11, 7])
+    assert_allclose(tau, GIVEN * [11, 7])
     assert notes == ("torques are currents times their gain, ratio and sign (a: 11, b: 7)",)
     mixed, notes = torques(
         table().rename(columns={"a.tau": "a.tau [%]", "b.tau": "b.current"}), robot
@@ -68,7 +70,7 @@ def test_currents_stand_for_torques_where_their_gain_is_known(load, rejected):
     assert_allclose(mixed, tau)
     assert notes[-1] == "torques were multiplied by their gain, ratio and sign (a: 11, b: 7)"
     both = table().assign(**{"a.current": 1.0, "b.current": 1.0})
-    assert_allclose(torques(both, load())[0], table().filter(like="tau"))
+    assert_allclose(torques(both, load())[0], GIVEN)
     with rejected(r"currents and no torques of b\. .*gain = {b = …}"):
         torques(table("current"), load("[torque]\ngain = {a = 11}\n"))
 
@@ -77,7 +79,7 @@ def test_coupled_motors_may_mix_torque_and_current_on_positions_of_joints(load, 
     motors = '[transmission]\nmotors = ["m", "n"]\ncoupling = [[1, 0], [0, 1]]\n'
     robot = load(f"{motors}[torque]\ngain = {{n = 7}}\n")
     frame = table().rename(columns={"a.tau": "m.tau", "b.tau": "n.current"})
-    assert_allclose(torques(frame, robot)[0], table().filter(like="tau") * [1, 7])
+    assert_allclose(torques(frame, robot)[0], GIVEN * [1, 7])
     with rejected(r"has no column n\.tau\. (?!.*lock)"):
         torques(frame.drop(columns="n.current"), robot)
 
@@ -86,7 +88,7 @@ def test_torque_of_the_motor_needs_the_ratio_of_its_gear(load, rejected):
     with rejected(r"torque of b was measured at the motor.*ratio = {b = …}"):
         torques(table(), load('[torque]\nside = "motor"\nratio = {a = 100}\n'))
     tau, _ = torques(table(), load('[torque]\nside = "motor"\nratio = 100\n'))
-    assert_allclose(tau, 100 * table().filter(like="tau"))
+    assert_allclose(tau, 100 * GIVEN)
 
 
 def test_neither_rotor_nor_friction_is_seen_by_a_sensor_behind_the_gear(load):

@@ -11,6 +11,8 @@ from identifiability import Log
 from identifiability.logs.series import find_series, resample, smooth_log, with_series
 from identifiability.simulation.simulator import ar1
 
+from ...roads import waves
+
 STEP = 0.01
 RATES = np.array([1, 2, 3, 5])
 SIZES = np.array([[0.5, 0.4], [0.3, -0.2], [0.1, 0.2], [0.05, 0.1]])
@@ -25,11 +27,7 @@ def move(periods, period=4.0, *, repeats=True, samples=None):
     rates = 2 * np.pi / period * RATES
     if not repeats:
         rates = rates * [0.31, 0.83, 1.13, 1.0]
-    angle = np.multiply.outer(t, rates)[:, :, None] + PHASES
-    q = (SIZES * np.sin(angle)).sum(1)
-    dq = (SIZES * rates[:, None] * np.cos(angle)).sum(1)
-    ddq = -(SIZES * rates[:, None] ** 2 * np.sin(angle)).sum(1)
-    return t, (q, dq, ddq)
+    return t, waves(t, rates[:, None], SIZES, PHASES)
 
 
 def measure(t, exact, seed=0, correlation=0.0):
