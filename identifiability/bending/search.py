@@ -339,7 +339,8 @@ def pose_problem(stretches: Sequence[Stretch]) -> tuple[Problem, tuple[int, ...]
     start = np.zeros(len(stretches[0].kept))
     rigid = Problem(stretches, start).fit(NONE, start)
     problem = Problem(stretches, first_values(stretches[0], rigid.change))
-    return problem, tuple(np.flatnonzero(problem.inertia > 0).tolist())
+    turns = np.flatnonzero(problem.inertia > 0)
+    return problem, tuple(turns.tolist())
 
 
 def add_joints(problem: Problem, asked: tuple[int, ...], band: float) -> tuple[Problem, Fit]:

@@ -626,7 +626,8 @@ class MixedModel:
         aim = self.target[columns] + of_torque / units
         places = self._places(terms, [[k] for k in range(len(terms))])
         after = self._solve(terms, columns, both, aim).evidence_of(places)
-        return (after - self.solve(terms).evidence_of(places)).tolist()
+        before = self.solve(terms).evidence_of(places)
+        return (after - before).tolist()
 
     def _places(self, terms: Terms, sets: Iterable[Collection[int]]) -> list[np.ndarray]:
         """Return the columns of sets of some terms, in the solution of all these terms."""

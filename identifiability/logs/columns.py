@@ -696,16 +696,15 @@ def resolve_numbers(
 def _tell_order(taken: Iterable[Column], source: str, known: Conventions) -> list[Finding]:
     """Return in which order numbers count joints, if the file has two."""
     counted: dict[str, list[str]] = {}
-    for column in sorted((c for c in taken if c.number >= 0), key=lambda c: c.number):
-        if column.joint in known.joints:
-            counted.setdefault(column.kind, []).append(column.joint)
+    numbered = (c for c in taken if c.number >= 0 and c.joint in known.joints)
+    for column in sorted(numbered, key=lambda c: c.number):
+        counted.setdefault(column.kind, []).append(column.joint)
     if not counted or known.as_listed == known.joints:
         return []
-    each = [
-        phrase("order", kind, actuators=joints == [*known.joints])
-        for kind, joints in counted.items()
-        if kind in ("q", "q_ref", "tau")
-    ]
+    each = []
+    for kind, joints in counted.items():
+        if kind in ("q", "q_ref", "tau"):
+            each.append(phrase("order", kind, actuators=tuple(joints) == known.joints))
     return [Finding("order", source, each=each)]
 
 

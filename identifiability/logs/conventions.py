@@ -87,7 +87,8 @@ class Conventions:
     @property
     def as_listed(self) -> Strings:
         """Return the actuated joints in the order of the file."""
-        return tuple(sorted(self.joints, key=[*self.listed, *self.joints].index))
+        order = [*self.listed, *self.joints]
+        return tuple(sorted(self.joints, key=order.index))
 
     @staticmethod
     def of(robot: Robot) -> Conventions:

@@ -159,8 +159,8 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
     inner = _BRACKETS.search(name)
     unit = find_unit(inner[1]) if inner else None
     if inner and unit:
-        return name[: inner.start()].strip(), unit
-    return name, None
+        name = name[: inner.start()].strip()
+    return name, unit
 
 
 #: Words for each channel, and the channel of each word.

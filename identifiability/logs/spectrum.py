@@ -170,8 +170,13 @@ def bandwidth_of_windows(windows: Sequence[Array], dt: float) -> float:
         Positions; windows below half the longest length are ignored.
     dt : float [s]
     """
-    spectra = spectra_of(windows, dt)
-    return max(float(s.bandwidths().max(initial=0.0)) for s in spectra)
+    return _widest(spectra_of(windows, dt))
+
+
+def _widest(spectra: Sequence[Spectrum]) -> float:
+    """Return the largest bandwidth of a joint [Hz]."""
+    bands = (s.bandwidths().max(initial=0.0) for s in spectra)
+    return float(max(bands))
 
 
 @frozen
@@ -264,7 +269,7 @@ def choose_band(
     cutoff : float or None [Hz]
         A given cut-off; None chooses it.
     """
-    band = max(float(s.bandwidths().max(initial=0.0)) for s in spectra)
+    band = _widest(spectra)
     rate = min(s.rate for s in spectra)
     highest = RULES.cutoff_highest * rate
     most = max(RULES.cutoff_wide * band, RULES.cutoff_lowest)

@@ -27,8 +27,7 @@ def restore_values(values: Array) -> tuple[Array, int]:
     row = np.arange(1, len(x) + 1)
     repeats = np.append(False, ~np.any(np.diff(x, axis=0), axis=1))
     # Commands that stand are no stale rows.
-    stands = repeats & (np.roll(repeats, 1) | np.roll(repeats, -1))
-    repeats &= ~stands
+    repeats &= ~(np.roll(repeats, 1) | np.roll(repeats, -1))
     apart = np.diff(np.flatnonzero(~repeats))
     if not np.isin((1, 2), apart).all():
         return values, 0

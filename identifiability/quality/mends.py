@@ -83,10 +83,7 @@ def drop_stuck(log: Log) -> Mended:
     never = _find_unmeasured(log, low, high)
     runs = [(k, 0, len(log)) for k in never]
     if never:
-        columns = [f"{log.joints[k]}.tau" for k in never]
-        where = [f"'{log.joints[k]}.tau' = {low[k] + 0.0:.4g}" for k in never]
-        said = Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log))
-        found = [*found, said]
+        found = [*found, _tell_unmeasured(log, {f"{log.joints[k]}.tau": low[k] for k in never})]
     for k, a, b in () if log.long else _find_stuck(log, low, high):
         runs.append((k, a, b))
         joint = log.joints[k]
@@ -95,6 +92,12 @@ def drop_stuck(log: Log) -> Mended:
         said = Finding("stuck", log.name, where=where, rows=b - a, columns=[f"{joint}.tau"])
         found.append(said)
     return (log.changed(partial(_silence, runs=runs)) if runs else log), found
+
+
+def _tell_unmeasured(log: Log, always: Mapping[str, float]) -> Finding:
+    """Return a note on columns of torque that have one value always."""
+    where = [f"'{name}' = {value + 0.0:.4g}" for name, value in always.items()]
+    return Finding("unmeasured", log.name, where=where, columns=[*always], rows=len(log))
 
 
 def _find_unmeasured(log: Log, low: Array, high: Array) -> list[int]:

@@ -976,8 +976,8 @@ def _loops(path: Path, m: Any, point: Places) -> list[Loop]:
     return loops
 
 
-def _read_closure(m: Any, eq: Any, point: Places, name: str) -> list[Loop]:
-    """Return a <connect> as a loop, and a <weld> as three: points off one line fix a body."""
+def _read_closure(m: Any, eq: Any, point: Places, name: str) -> Iterator[Loop]:
+    """Yield a <connect> as a loop, and a <weld> as three: points off one line fix a body."""
     weld = eq.type[0] == _EQ.mjEQ_WELD
     at = eq.data
     bodies = [eq.obj1id[0], eq.obj2id[0]]
@@ -993,8 +993,6 @@ def _read_closure(m: Any, eq: Any, point: Places, name: str) -> list[Loop]:
         turns[0] = _rotation(at[6:10])
     # Without torque a weld leaves the rotation free.
     points = {f"{name}.{p}": np.eye(3)[i] for i, p in enumerate("xy")} if weld and at[10] else {}
-    out = []
     for word, by in {name: np.zeros(3), **points}.items():
         first, second = (point(bodies[k], ends[k] + turns[k] @ by) for k in (0, 1))
-        out.append(Loop(word, first, second))
-    return out
+        yield Loop(word, first, second)

@@ -309,5 +309,6 @@ class Campaign:
             named = replace(move, t=move.t - move.t[0], name=f"motion {k + 1}")
             log = _record(self.robot, named, tau, noise, rng, derivatives=derivatives)
             first = np.argmax(self.log == k)
-            out.append(replace(log, start=float(self.move.t[first])))
+            start = float(self.move.t[first])
+            out.append(replace(log, start=start))
         return out

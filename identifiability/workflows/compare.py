@@ -300,12 +300,13 @@ def compare(
         torque = DifferentTorque.of(found, terms, len(unchanged.validation))
     later, earlier = sides.paths
     days = list_days(sides.samples, recordings.began)
+    in_order = (*days[sides.count :], *days[: sides.count])
     return Comparison(
         structure=unchanged.structure,
         submodel=submodel,
         before=earlier,
         after=later,
-        days=(*days[sides.count :], *days[: sides.count]),
+        days=in_order,
         changes=changes,
         limits=list_unchanged(found, terms),
         lacks=list_lacks(found, terms),

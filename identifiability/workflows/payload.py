@@ -111,6 +111,16 @@ class LoadEstimate:
     changes: tuple[Change, ...]
     torque: DifferentTorque
 
+    @property
+    def mass_sd(self) -> float:
+        """Return the standard error of the mass [kg]."""
+        return float(root_diagonal(self.covariance)[9])
+
+    @property
+    def is_less(self) -> bool:
+        """Return whether the logs have less on the body than those of the result."""
+        return bool(self.theta[9] < -REACH * self.mass_sd)
+
 
 def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
     """Return some of the fixed values (k,) and their covariance, widened for one more group.
@@ -279,6 +289,12 @@ def nearest_body(found: LoadEstimate) -> Array:
     return project(data, region).phi
 
 
+def _explain_doubts(length: float, *, less: bool) -> list[str]:
+    """Return why a large error makes each quantity of a body unidentifiable."""
+    parts = ["less" if less else "most", *["vague"] * 3, *["most"] * 3, *["product"] * 3]
+    return [phrase("untold", part, length=length) for part in parts]
+
+
 def state_quantities(
     found: LoadEstimate, body: Array, length: float, scale: TorqueScale, *, turns: bool
 ) -> tuple[Quantity, ...]:
@@ -302,31 +318,22 @@ def state_quantities(
     half = _half_widths(found, body, scale)
     low = values - half
     high = values + half
-    less = found.theta[9] < -REACH * root_diagonal(found.covariance)[9]
-    low[0] *= not less  # the nearest possible body is far from the estimate
+    low[0] *= not found.is_less  # the nearest possible body is far from the estimate
     vague = POSITIVE & (low <= 0)
     moment = 0.0 if vague[4:7].any() else values[4:7].min()
     size = np.repeat([length, moment], [4, 6])
     unsure = np.where(POSITIVE, vague, half > size)
     low = np.where(POSITIVE, np.maximum(low, 0.0), low)
+    doubts = _explain_doubts(length, less=found.is_less)
     out = []
     for k, (name, unit) in enumerate(QUANTITIES.items()):
         why = ""
         if np.isinf(half[k]):
-            why = phrase("untold", "motion") if turns else phrase("untold", "turn")
+            why = phrase("untold", "motion" if turns else "turn")
         elif k and unsure[0]:
             why = phrase("untold", "mass")
         elif unsure[k]:
-            part = (
-                "less"
-                if less and not k
-                else "most"
-                if POSITIVE[k]
-                else "vague"
-                if unit == "m"
-                else "product"
-            )
-            why = phrase("untold", part, length=length)
+            why = doubts[k]
         out.append(Quantity(name, unit, float(values[k]), float(low[k]), float(high[k]), why))
     return tuple(out)
 

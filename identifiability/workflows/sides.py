@@ -84,7 +84,8 @@ class Sides:
         LogError
         """
         seen = Excerpt.of(self.regression, EXCERPT)
-        fewest = int(np.bincount(seen.log, minlength=len(self.samples)).min())
+        rows = np.bincount(seen.log, minlength=len(self.samples))
+        fewest = int(rows.min())
         if fewest < LOG_RULES.fewest or fewest * len(seen.robot.joints) <= values:
             raise LogError(Finding("sides.few", samples=fewest, values=values))
         return seen
@@ -257,7 +258,8 @@ def _columns_under(sides: Sides, load: NumberByName) -> Array:
     values = reference_values(robot)
     carried = {name: values.get(name, 0.0) + x for name, x in load.items()}
     loaded = replace(robot, reference={**values, **carried})
-    return replace(sides, regression=replace(sides.regression, robot=loaded)).look(0).X
+    regression = replace(sides.regression, robot=loaded)
+    return replace(sides, regression=regression).look(0).X
 
 
 def _list_loads(found: Differences, terms: Terms) -> list[dict[str, float]]:

@@ -80,10 +80,11 @@ class CalibrationPresenter(AnsweringPresenter):
         about, cell = "calibration.rows", self.result.cell
         reason = sentence(about, "reason", trials=len(cell.held))
         for name, covered in zip(cell.names, cell.each, strict=True):
+            half = (covered.high - covered.low) / 2
             yield Row(
                 name=name,
                 estimate=covered.value,
-                standard_error=(covered.high - covered.low) / (2 * REACH),
+                standard_error=half / REACH,
                 interval=(covered.low, covered.high),
                 verdict=sentence(about, "below" if name in cell.below else "not_below"),
                 reason=reason,

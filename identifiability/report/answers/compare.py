@@ -140,7 +140,7 @@ class ComparisonPresenter(AnsweringPresenter):
     def tables(self) -> tuple[Table, ...]:
         """Return a row for each number that changed, then the least changes that would show."""
         every = [part for change in self.result.changes for part in change.parts or (change,)]
-        bodies = [c for c in self.result.changes if np.isfinite(c.centre[0]).all()]
+        bodies = filter(_has_centre, self.result.changes)
         loads = [make_table("comparison_load", _load_rows(c), place=c.place) for c in bodies]
         limits = _limit_table(self.result.limits)
         changed = (table_changes(every, "Detected changes"),) if every else ()
@@ -315,7 +315,8 @@ def table_changes(changes: Sequence[Change], caption: str) -> Table:
     rows = (row for change in changes for row in _change_rows(change))
     table = make_table("comparison", rows, caption=caption)
     columns = zip(table.columns, *table.rows, strict=True)
-    return table.without(*(c.title for c, *cells in columns if not any(x.text for x in cells)))
+    empty = (column.title for column, *cells in columns if not any(x.text for x in cells))
+    return table.without(*empty)
 
 
 def list_loaded(result: Comparison) -> list[str]:
@@ -326,6 +327,11 @@ def list_loaded(result: Comparison) -> list[str]:
 def _title(change: Change | Unchanged) -> str:
     """Return what changed, without its place."""
     return change.what.removesuffix(f" of {change.place}")
+
+
+def _has_centre(change: Change) -> bool:
+    """Return whether the centre of what changed is known."""
+    return bool(np.isfinite(change.centre[0]).all())
 
 
 def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
@@ -341,7 +347,7 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     single = change.kind == "load" or len(change.names) == 1
     yield capital(change.what), *(_state_number(change, 0) if single else ("",) * 3), *more
     none = ("",) * len(more)
-    if np.isfinite(change.centre[0]).all():
+    if _has_centre(change):
         return
     for k, name in enumerate(change.names):
         if k and abs(change.sizes[k]) <= REACH * change.sd[k]:

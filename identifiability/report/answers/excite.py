@@ -68,7 +68,8 @@ class ExcitationPresenter(AnsweringPresenter):
         every = sentence(about, "every", count=len(result.names))
         names = listing(result.chosen, 4) if result.chosen else every
         rise = result.after.figure - result.before.figure
-        share = float(np.exp(-rise / (2 * len(result.criterion.chosen))))
+        count = len(result.criterion.chosen)
+        share = float(np.exp(-rise / (2 * count)))
         period = result.trajectory.period
         other = result.beside
         return sentence(about, names=names, share=share, period=period, other=other)

@@ -13,7 +13,6 @@ import pandas as pd
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.linalg import root_diagonal
 from identifiability.foundation.names import Strings, shorten_paths
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
@@ -149,20 +148,15 @@ def _list_missing(result: Load) -> Strings:
     return result.fit.missing if result.fit else ()
 
 
-def _is_less(result: Load) -> bool:
-    """Return whether the logs have less on the body than those of the result."""
-    return result.mass.why == phrase("untold", "less")
-
-
 def _state_load(result: Load) -> str:
     """Return the mass in one sentence."""
     about, mass, body = "payload.load", result.mass, result.body
     if not np.isfinite(mass.sigma):
         return sentence(about, "unknown", body=body)
     if not mass.told:
-        part = "less" if _is_less(result) else "nothing"
         estimate = result.estimate
-        less = measured(-estimate.theta[9], root_diagonal(estimate.covariance)[9], "kg")
+        part = "less" if estimate.is_less else "nothing"
+        less = measured(-estimate.theta[9], estimate.mass_sd, "kg")
         return sentence(about, part, body=body, most=mass.high, less=less)
     raw, by_file = result.as_measured[0], result.by_file[0]
     each = [measured(m.value, m.sigma, "kg") for m in (by_file, raw)]
@@ -187,7 +181,7 @@ def _answer_load(result: Load) -> Answer:
     """Return the mass and the centre of the load."""
     question = sentence("payload.load", "question")
     if not result.mass.told:
-        part = "exchange" if _is_less(result) else "entered"
+        part = "exchange" if result.estimate.is_less else "entered"
         text = sentence("payload.load", part) if np.isfinite(result.mass.sigma) else ""
         return Answer(question, result.answer, text, "amber")
     interval = sentence("payload.load", "interval", low=result.mass.low, high=result.mass.high)

@@ -82,8 +82,9 @@ def add_units(frame: pd.DataFrame, *columns: str) -> list[dict[Any, Any]]:
 
 def span_cell(low: float, high: float, unit: str = "", digits: int = 3) -> Cell:
     """Return a range as one cell, sorted by its upper end."""
-    ends = (format_number(x, digits, pad=True) for x in (low, high))
-    return Cell(f"{' … '.join(dict.fromkeys(ends))} {unit}".rstrip(), high)
+    ends = dict.fromkeys(format_number(x, digits, pad=True) for x in (low, high))
+    span = " … ".join(ends)
+    return Cell(f"{span} {unit}".rstrip(), high)
 
 
 def make_column(

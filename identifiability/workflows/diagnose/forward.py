@@ -193,7 +193,8 @@ def _stretches(unseen: Sequence[Dataset], dt: float, steps: int, most: int) -> S
                 start += 1 + int(np.argmax(jumps))
     if len(found) <= most:
         return found
-    return [found[k] for k in np.linspace(0, len(found) - 1, most).astype(int)]
+    places = np.linspace(0, len(found) - 1, most)
+    return [found[k] for k in places.astype(int)]
 
 
 def _mean_torque(fit: Physical, samples: Dataset, others: Array, rows: np.ndarray) -> Array:
