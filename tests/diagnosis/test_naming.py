@@ -16,6 +16,10 @@ from identifiability.workflows.diagnose.naming import Naming
 from .conftest import campaign
 
 
+def find(robot, logs):
+    return diagnose(robot, logs[:4], logs[4:], forward=False)
+
+
 @pytest.mark.parametrize(
     "robot, hidden, joints",
     [
@@ -90,7 +94,7 @@ def test_an_effect_whose_values_its_law_excludes_is_not_named(logs_of, monkeypat
     values = Naming.values
     monkeypatch.setattr(Naming, "values", lambda *k: (-values(*k)[0], values(*k)[1]))
     logs = logs_of("two-link", "stribeck_friction@elbow=0.1")
-    d = diagnose("two-link", logs[:4], logs[4:], forward=False)
+    d = find("two-link", logs)
     assert not d.effects
     assert d.held_after == d.held_before
 
@@ -102,10 +106,10 @@ def test_a_name_that_is_far_less_probable_than_another_is_replaced(logs_of, name
 
     monkeypatch.setattr(MixedModel, "search", stop_early)
     logs = logs_of("two-link", "gravity_spring@elbow=0.1")
-    d = diagnose("two-link", logs[:4], logs[4:], forward=False)
+    d = find("two-link", logs)
     assert named(d) == [("gravity_spring", ("elbow",))]
     monkeypatch.setattr(search, "_exchange_improbable", lambda _: ())  # it is not tried
-    assert named(diagnose("two-link", logs[:4], logs[4:], forward=False)) == []
+    assert named(find("two-link", logs)) == []
 
 
 def test_friction_of_some_passive_joints_keeps_all_in_the_model_and_none_below_zero(diagnosis_of):
@@ -133,7 +137,7 @@ def test_torque_that_leaks_from_another_joint_is_named(diagnosis_of, named, effe
 def test_an_effect_that_no_family_fits_is_given_no_name(logs_of):
     """Logs that do not say when they began show that they differ, and not how."""
     logs = [replace(log, start=None) for log in logs_of("five-bar", "thermal_drift=0.012")]
-    d = diagnose("five-bar", logs[:4], logs[4:], forward=False)
+    d = find("five-bar", logs)
     assert d.effects == ()
     assert "No effect stands out" in d.details
     assert "Torque offsets differ between logs" in d.alternative
@@ -188,7 +192,7 @@ def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tm
     added[:, 0] = 2.0 * (0.1 + np.sign(v)) * np.exp(-((v / (0.3 * v.std())) ** 2))
     noise = Noise(additive=0.004, correlation=0.9, encoder=2e-5)
     logs = c.logs(added, noise, default_rng(0))
-    d = diagnose(c.robot, logs[:4], logs[4:], forward=False)
+    d = find(c.robot, logs)
     assert named(d) == [("stribeck_friction", ("shoulder",))]
     assert d.held_after < 0.3 * d.held_before
     (placed,) = d.effects[0].placements

@@ -40,6 +40,10 @@ from ..roads import weight
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 
+def scaled(robot, share, start=""):
+    return {n: share * x for n, x in robot.nominal.items() if n.startswith(start)}
+
+
 def record(name, seed=1, masses=1.0, samples=600, payload=0.0, **noise):
     """Return a robot, and a log of one whose masses are so many times the file's."""
     robot, rng = Robot.load(name), default_rng(seed)
@@ -157,7 +161,7 @@ def test_a_load_whose_mass_no_motion_shows_is_stated_without_it(tmp_path):
 @pytest.mark.parametrize("name, masses", [("two-link", 1.0), ("six-dof-arm", 3.0)])
 def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masses):
     robot, log = record(name, masses=masses)
-    truth = robot.with_values({n: masses * x for n, x in robot.nominal.items()})
+    truth = robot.with_values(scaled(robot, masses))
     found = look(robot, replace(log, tau=log.tau - weight(truth, log)))
     assert not found.gravity.any()
     assert not found.structure(Structure.of(robot, MODEL)).robot.gravity.any()
@@ -174,13 +178,13 @@ def test_the_weight_of_a_payload_is_found_in_effort_without_that_of_the_robot(tm
 
 def test_a_tool_that_the_file_lacks_is_asked_for_and_a_wrong_mass_is_that_of_its_link():
     robot, log = record("six-dof-arm", payload=1.0)
-    light = {n: 0.15 * x for n, x in robot.nominal.items() if n.startswith("link_6.")}
+    light = scaled(robot, 0.15, "link_6.")
     (said,) = analyze(robot.with_values(light), log, "none", replicates=0).warnings
     assert "link_6 has another mass, centre or inertia" in said
     assert "link_5.mx (combined with link_6.mx and 1 more) = 0.105 kg·m in the file" in said
     assert "Does link_6 carry a tool or load that the file lacks?" in said
     robot, log = record("six-dof-arm")
-    wrong = {n: 1.3 * x for n, x in robot.nominal.items() if n.startswith("link_3.")}
+    wrong = scaled(robot, 1.3, "link_3.")
     (said,) = analyze(robot.with_values(wrong), log, "none", replicates=0).warnings
     assert "link_3 is 22 % (± 2 %) lighter than stated" in said
     assert "buoyancy" in said
@@ -245,7 +249,7 @@ def test_a_zero_of_the_first_encoder_is_named_with_the_tilt_that_acts_as_it_does
 
 def test_weight_that_one_joint_lacks_is_found_and_the_fitted_robot_s_is_added():
     robot, log = record("six-dof-arm", masses=1.3)
-    truth = robot.with_values({n: 1.3 * x for n, x in robot.nominal.items()})
+    truth = robot.with_values(scaled(robot, 1.3))
     light = replace(log, tau=log.tau - (np.arange(6) == 1) * weight(truth, log))
     found = look(robot, light)
     assert np.flatnonzero(found.compensated).tolist() == [1]

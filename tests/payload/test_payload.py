@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -27,6 +28,11 @@ from identifiability.simulation.motion import find_motion
 from .planted_load import PlantedLoad, load_torque
 
 ARM = "six-dof-arm"
+
+
+@pytest.fixture
+def of_arm(fit):
+    return partial(payload, ARM, fit(ARM))
 
 
 def test_a_load_without_noise_is_found_exactly(fit, make_logs, planted):
@@ -86,9 +92,9 @@ def test_a_load_hangs_from_the_base_as_it_leans():
 
 
 @pytest.mark.parametrize("mass, told", [(1.5, True), (0.02, False)])
-def test_numbers_of_either_sign_may_be_zero_and_a_mass_may_not(fit, make_logs, mass, told):
+def test_numbers_of_either_sign_may_be_zero_and_a_mass_may_not(of_arm, make_logs, mass, told):
     load = PlantedLoad(mass, np.array([0.0, -0.03, 0.1]), mass * np.diag([0.008, 0.009, 0.006]))
-    found = payload(ARM, fit(ARM), make_logs(ARM, load, seed=3)[1])
+    found = of_arm(make_logs(ARM, load, seed=3)[1])
     zero = {q.name for q in found.quantities if q.low <= 0 <= q.high}
     assert {"centre x", "Ixy", "Ixz", "Iyz"} <= zero
     assert {q.told for q in found.quantities} == {told}
@@ -133,9 +139,9 @@ def test_a_load_is_weighed_whether_or_not_its_weight_was_subtracted(
     assert not found.caveats
 
 
-def test_a_log_with_less_than_the_fitted_ones_has_no_load(fit, make_logs):
+def test_a_log_with_less_than_the_fitted_ones_has_no_load(of_arm, make_logs):
     less = PlantedLoad(-1.5, np.zeros(3), -0.01 * np.eye(3))
-    found = payload(ARM, fit(ARM), make_logs(ARM, less, seed=3)[1])
+    found = of_arm(make_logs(ARM, less, seed=3)[1])
     assert re.match("link_6 carries 1.[45].* less", found.answer)
     assert not any(q.told for q in found.quantities)
 
@@ -168,28 +174,29 @@ def test_what_a_motion_does_not_tell_is_said(fit, make_logs, planted):
     assert np.isfinite([q.value for q in by.values()]).all()
 
 
-def test_an_effect_that_the_model_lacks_is_no_change_of_the_robot(fit, make_logs, planted, moves):
+def test_an_effect_that_the_model_lacks_is_no_change_of_the_robot(
+    of_arm, make_logs, planted, moves
+):
     odd = 12.0 * np.sin(7.0 * moves(ARM).move.q) * np.eye(6)[2]
     log = make_logs(ARM, planted, seed=10, extra=odd)[1]
     for bare in ([], [make_logs(ARM, seed=50, extra=odd)[1]]):
-        details = payload(ARM, fit(ARM), log, bare).details
+        details = of_arm(log, bare).details
         assert "unction of position in joint_3 in addition to the load" in details
         assert ("without=" in details) != bool(bare)
     far = np.roll(odd, -1, 1) * moves(ARM).move.dq[:, :1]
     pair = [make_logs(ARM, x, extra=4 * far)[1] for x in (planted, None)]
-    assert "the intervals may miss it" in payload(ARM, fit(ARM), *pair).details
-    assert not payload(ARM, fit(ARM), make_logs(ARM, planted, seed=11)[1]).caveats
+    assert "the intervals may miss it" in of_arm(*pair).details
+    assert not of_arm(make_logs(ARM, planted, seed=11)[1]).caveats
 
 
 @pytest.mark.parametrize("paired", [False, True])
 def test_friction_that_changed_is_estimated_beside_the_load_and_said(
-    fit, make_logs, planted, moves, paired
+    of_arm, make_logs, planted, moves, paired
 ):
     warm = 12.0 * np.sign(moves(ARM).move.dq) * np.eye(6)[2]
     bare = [make_logs(ARM, seed=21)[1]] if paired else []
     same, found = (
-        payload(ARM, fit(ARM), make_logs(ARM, planted, 20, extra=extra)[1], bare)
-        for extra in (None, warm)
+        of_arm(make_logs(ARM, planted, 20, extra=extra)[1], bare) for extra in (None, warm)
     )
     assert not same.estimate.changes
     assert [c.place for c in found.estimate.changes] == ["joint_3"]
@@ -207,13 +214,13 @@ def test_noise_of_the_motion_is_said_where_it_is_large(make_logs, planted):
     assert "noise of the measured motion" in str(found.hints)
 
 
-def test_of_logs_with_different_loads_it_is_said_which_has_more(fit, make_logs, planted):
+def test_of_logs_with_different_loads_it_is_said_which_has_more(of_arm, make_logs, planted):
     light = make_logs(ARM, planted, seed=12)
     heavy = make_logs(ARM, replace(planted, mass=2.5), seed=13)
-    same = payload(ARM, fit(ARM), [light[0], light[1]])
+    same = of_arm([light[0], light[1]])
     assert not same.estimate.changes
     assert "The logs agree." in same.details
-    mixed = payload(ARM, fit(ARM), [light[0], heavy[1]])
+    mixed = of_arm([light[0], heavy[1]])
     (change,) = mixed.estimate.changes
     assert (change.kind, change.place) == ("load", "link_6")
     masses = mixed.mass.value + change.sizes[0] * np.array([0, 1])
