@@ -15,6 +15,7 @@ from identifiability.foundation.output import plain
 from identifiability.regression.reduction import DEFAULT_EFFECTS
 
 from .marks import everything
+from .roads import waves
 
 #: Samples times joints of a log, at most: a larger one asks nothing else.
 MOST = 100_000
@@ -101,10 +102,7 @@ class Odd:
         size = np.where(np.array(list(self.kinds)) == "H", 1.0, self.scale)
         a = size * rng.uniform(0.1, 0.5, (6, n))
         phase = rng.uniform(0, 2 * np.pi, (6, n))
-        angle = w * t[:, None, None] + phase
-        q = (a * np.sin(angle)).sum(1)
-        dq = (a * w * np.cos(angle)).sum(1)
-        ddq = -(a * w**2 * np.sin(angle)).sum(1)
+        q, dq, ddq = waves(t, w, a, phase)
         model = mujoco.MjModel.from_xml_string(self.text())
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         data = mujoco.MjData(model)
