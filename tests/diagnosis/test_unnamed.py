@@ -22,7 +22,7 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     gap = d.held_before - named.held_after
     assert d.held_before - d.held_after > 0.9 * gap
     assert "An unnamed function of velocity in left_shoulder, up to 1.0" in d.details
-    assert "No name explains this in left_shoulder as well. Nearest to it" in d.details
+    assert "left_shoulder better than any known effect does. Nearest to it" in d.details
     # What was learned is the curve but for Coulomb and viscous friction, which are in the model.
     curve = d.curves[0]
     assert (curve.against, curve.of) == ("velocity", 0)
