@@ -61,12 +61,12 @@ def test_a_fit_read_back_has_the_same_tables_and_a_short_name(result, robot, tmp
 
 @pytest.mark.pictures
 def test_each_figure_is_drawn_by_itself(result, prediction, tmp_path):
-    figures = [plot.precision(result), plot.torque(prediction, "slider2")]
-    figures.append(plot.precision(result, "Model 2"))
-    for k, figure in enumerate(figures):
+    path = tmp_path / "figure.png"
+    precision = plot.precision(result), plot.precision(result, "Model 2")
+    for figure in (*precision, plot.torque(prediction, "slider2")):
         assert isinstance(figure, Figure)
-        figure.savefig(tmp_path / f"{k}.png")
-        assert (tmp_path / f"{k}.png").stat().st_size > 3000
+        figure.savefig(path)
+        assert path.stat().st_size > 3000
 
 
 def test_intervals_hold_over_the_nearest_real_robot_where_it_predicts_as_well(result):

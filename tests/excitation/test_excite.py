@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 
 from identifiability import (
     IdentifiabilityError,
-    Log,
     Model,
     Noise,
     Regression,
@@ -143,9 +142,8 @@ def test_wrong_questions_are_refused_in_one_sentence(two_link, find, options, se
 
 
 def test_logs_may_be_frames(simulated, two_link, find):
-    log = simulated("two-link", "a", samples=100)
-    assert isinstance(log, Log)
-    assert find(two_link, start_from=[log.to_frame()], evaluations=1).logs == ("log 1",)
+    frame = simulated("two-link", "a", samples=100).to_frame()
+    assert find(two_link, start_from=[frame], evaluations=1).logs == ("log 1",)
 
 
 @pytest.mark.parametrize(
