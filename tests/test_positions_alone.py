@@ -9,6 +9,8 @@ from numpy.random import default_rng
 from identifiability import Log, Model, Noise, Preparation, Robot, analyze, prepare_log
 from identifiability.regression.structure import Structure
 
+from .roads import waves
+
 STEP, SAMPLES = 0.005, 4000
 NOISE = 2e-3
 HOW = Preparation(cutoff=10.0)
@@ -26,11 +28,8 @@ def exact(structure):
     rng = default_rng(4)
     t = STEP * np.arange(SAMPLES)
     rates = 2 * np.pi * rng.uniform(0.15, 1.1, (6, 2))
-    angle = np.multiply.outer(t, rates) + rng.uniform(0, 6, (6, 2))
-    size = rng.uniform(0.1, 0.4, (6, 2))
-    q = (size * np.sin(angle)).sum(1)
-    dq = (size * rates * np.cos(angle)).sum(1)
-    ddq = -(size * rates**2 * np.sin(angle)).sum(1)
+    phases = rng.uniform(0, 6, (6, 2))
+    q, dq, ddq = waves(t, rates, rng.uniform(0.1, 0.4, (6, 2)), phases)
     log = Log("exact", structure.robot.joints, t, q, np.cos(q), dq, ddq, "")
     samples = prepare_log(structure.robot, log, Preparation(keep_rest=True))
     W = np.concatenate([c.W for c in structure.regression([samples]).chunks()])

@@ -10,6 +10,8 @@ import pytest
 from identifiability import Case, Robot, analyze, diagnose, excite, export, prune
 from identifiability.regression.structure import Structure
 
+from ..roads import waves
+
 MODELS = Path(__file__).parents[2] / "models"
 NAMED = ("stribeck_friction@slider1=0.03", "position_ripple@slider2=0.02")
 FEW = ("stribeck_friction", "position_ripple")
@@ -94,9 +96,8 @@ def test_a_mass_that_a_counterweight_carries_is_told_with_it_under_every_model(t
     t = np.arange(0, 16, 0.008)
     rng = np.random.default_rng(0)
     path.write_text(LIFT)
-    angle = 2 * np.pi / 8 * np.multiply.outer(t, [[1, 2, 4], [1, 3, 4]]) + rng.uniform(0, 6, (2, 3))
-    w = 2 * np.pi / 8 * np.array([[1, 2, 4], [1, 3, 4]])
-    q, v, a = (0.1 * (w**k * np.sin(angle + k * np.pi / 2)).sum(-1) for k in range(3))
+    w = 2 * np.pi / 8 * np.array([[1, 1], [2, 3], [4, 4]])
+    q, v, a = waves(t, w, 0.1, rng.uniform(0, 6, (2, 3)).T)
     tau = np.array([27.5, 39.5]) * a + np.array([20, 60]) * v + np.array([0, 19.5 * 9.81 - 185])
     tau += rng.normal(0, 0.5, tau.shape)
     log = pd.DataFrame(np.column_stack([t, q, tau]), columns=["t", "X.q", "Z.q", "X.tau", "Z.tau"])
