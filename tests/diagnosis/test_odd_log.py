@@ -37,6 +37,7 @@ def test_a_log_of_another_robot_is_left_out_and_effects_are_named_from_the_other
     assert leave_out(d.problem, part).changes[-1].whole  # the other rows are too few
     assert "N·m ± " in d.details.partition(f" in {logs[1].name}. The rows logged meanwhile")[0]
     assert [s.name for s in d.samples] == [log.name for log in (logs[0], *logs[2:4])]
+    assert any(row[-1].text == change.when for table in d.tables() for row in table.rows)
     assert d.to_dict()["roles"]["left_out"] == [logs[1].name]
     alone = diagnose("two-link", [logs[0], *logs[2:4]], logs[4:], **few)
     assert d.error_after == alone.error_after  # nothing of that log is in it

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.foundation.answers import Answer, Cell, Column, Table, frame_table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
@@ -317,6 +317,17 @@ def table_changes(changes: Sequence[Change], caption: str) -> Table:
     columns = zip(table.columns, *table.rows, strict=True)
     empty = (column.title for column, *cells in columns if not any(x.text for x in cells))
     return table.without(*empty)
+
+
+def table_odd_rows(changes: Sequence[Change], caption: str) -> Table:
+    """Return the numbers that changed in some rows of a log, whose level before is not known."""
+    frame = frame_changes(changes)
+    each = frame[["change", "high", "unit"]].itertuples(index=False)
+    frame["change"] = [measured(size, (high - size) / REACH, unit) for size, high, unit in each]
+    frame = frame[["what", "name", "change", "log_odds", "logs", "or"]]
+    frame = frame.loc[:, (frame != "").any()]  # no alternatives are named unless there are some
+    frame["log_odds"] = frame["log_odds"].map(probability_text)
+    return frame_table(frame.rename(columns={"log_odds": "probability", "logs": "in"}), caption)
 
 
 def list_loaded(result: Comparison) -> list[str]:

@@ -57,7 +57,7 @@ from .common import (
     state_contradicted,
     torque_noise,
 )
-from .compare import table_changes
+from .compare import table_odd_rows
 from .predict import moves_worse, state_harm
 from .tables import add_units, make_table, unit_cell
 
@@ -173,7 +173,7 @@ class DiagnosisPresenter(PredictingPresenter):
         result = self.result
         tables = []
         if result.changes:
-            tables.append(table_changes(result.changes, sentence("diagnosis.tables", "changed")))
+            tables.append(table_odd_rows(result.changes, sentence("diagnosis.tables", "changed")))
         if result.effects:
             tables.append(make_table("effects", _list_effects(result)))
         if result.bending is not None and result.bending.joints:
