@@ -62,8 +62,8 @@ def test_a_fit_read_back_has_the_same_tables_and_a_short_name(result, robot, tmp
 @pytest.mark.pictures
 def test_each_figure_is_drawn_by_itself(result, prediction, tmp_path):
     path = tmp_path / "figure.png"
-    precision = plot.precision(result), plot.precision(result, "Model 2")
-    for figure in (*precision, plot.torque(prediction, "slider2")):
+    torque = plot.torque(prediction, "slider2")
+    for figure in (plot.precision(result), plot.precision(result, "Model 2"), torque):
         assert isinstance(figure, Figure)
         figure.savefig(path)
         assert path.stat().st_size > 3000

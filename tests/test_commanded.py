@@ -608,7 +608,7 @@ def test_intervals_with_the_file_hold_up_to_its_share_whatever_few_data_say(shar
 def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(tmp_path):
     shutil.copy(Robot.load("six-dof-arm").path, tmp_path / "arm.urdf")
     plain = _standard(Robot.load(tmp_path / "arm.urdf"))
-    body = next(iter(plain.robot.bodies))
+    body = plain.robot.bodies[0]
     mass = f"{plain.robot.bodies[2]}.m"
     (tmp_path / "arm.toml").write_text(
         f'[prior_share]\n"{body}" = 0.01\n[prior]\n"{mass}" = {{mean = 3.0, sd = 0.01}}\n'

@@ -68,7 +68,7 @@ def test_each_name_gives_its_row(results, kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_unknown_name_gives_the_near_match_and_how_to_list_names(results, kind):
     found, _ = results[kind]
-    name = next(iter(found.row_names()))
+    name, *_ = found.row_names()
     with pytest.raises(KeyError) as refused:
         found[f"{name}x"]
     assert isinstance(refused.value, identifiability.IdentifiabilityError)

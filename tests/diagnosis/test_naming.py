@@ -1,6 +1,7 @@
 """Planted truth: what is hidden in the data is named, where it is, and nothing else is."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from identifiability.effects import find_family
 from identifiability.effects.effect import measure_spans
 from identifiability.estimation import search
 from identifiability.estimation.mixed_model import MixedModel, Term
+from identifiability.workflows.diagnose.laws import Laws
 from identifiability.workflows.diagnose.naming import Naming
 
 from .conftest import campaign
@@ -213,3 +215,8 @@ def test_a_shape_that_lies_between_is_found_and_nothing_beside_it(diagnosis_of, 
     (placed,) = d.effects[0].placements
     assert abs(placed.shape - true) < 3 * placed.shape_error < np.abs(grid - true).min()
     assert d.tables()[0].rows[0][2].note.startswith("vt = ")
+
+
+def test_static_friction_is_below_the_largest_torque_of_a_joint_that_moved():
+    laws = Laws.of([Mock(shape=1)] * 2, 5.0, *np.array([[[1, 0]], [[9, 3]], [[1, 1]]]))
+    assert laws.level[laws.best] < 5

@@ -8,8 +8,8 @@ import pytest
 from identifiability import Model, Preparation, Robot, diagnose, prepare_log
 from identifiability.workflows.diagnose.naming import leave_out
 
-FEW = {"effects": ["joint_stiffness", "torque_offset", "position_ripple"], "quick": True}
-FEW |= {"forward": False}
+QUICK = {"quick": True, "forward": False}
+FEW = {"effects": ["joint_stiffness", "torque_offset", "position_ripple"], **QUICK}
 
 
 def changed(log, since=0.0, size=0.5):
@@ -32,12 +32,12 @@ def test_a_log_of_another_robot_is_left_out_and_effects_are_named_from_the_other
     )  # fmt: skip
     assert change.whole
     assert f" in all of {change.log}" in d.statement
-    end = float(logs[0].t[-2])
+    end = logs[0].t[-2]
     part = replace(change, log=logs[0].name, stop=end, ended=(end, end))
     assert leave_out(d.problem, part).changes[-1].whole  # the other rows are too few
     assert "N·m ± " in d.details.partition(f" in {logs[1].name}. The rows logged meanwhile")[0]
     assert [s.name for s in d.samples] == [log.name for log in (logs[0], *logs[2:4])]
-    assert any(row[-1].text == change.when for table in d.tables() for row in table.rows)
+    assert change.when in [table.rows[0][-1].text for table in d.tables()]
     assert d.to_dict()["roles"]["left_out"] == [logs[1].name]
     alone = diagnose("two-link", [logs[0], *logs[2:4]], logs[4:], **few)
     assert d.error_after == alone.error_after  # nothing of that log is in it
@@ -45,8 +45,7 @@ def test_a_log_of_another_robot_is_left_out_and_effects_are_named_from_the_other
     assert not diagnose("two-link", [changed(log) for log in logs[2:]], logs[0], **few).changes
 
 
-CHANGES = {"effects": ["payload", "coulomb_friction", "torque_offset"], "forward": False}
-CHANGES |= {"quick": True}
+CHANGES = {"effects": ["payload", "coulomb_friction", "torque_offset"], **QUICK}
 
 
 @pytest.fixture

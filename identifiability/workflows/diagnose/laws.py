@@ -44,12 +44,17 @@ class Laws:
     variance: Array
 
     @staticmethod
-    def of(grid: Sequence[Candidate], odds: Array, level: Array, error: Array) -> Laws:
-        """Return laws between those of a grid of speeds; other arrays are (e, s)."""
+    def of(grid: Sequence[Candidate], most: float, odds: Array, level: Array, error: Array) -> Laws:
+        """Return laws between those of a grid of speeds; other arrays are (e, s).
+
+        A joint with more static friction than its largest torque, `most`, would not have moved.
+        """
         log_speed = np.log([[law.shape for law in grid]])
         speed, odds, level, log_error = map(_refine, (log_speed, odds, level, np.log(error)))
-        possible = np.where(level > 0, odds, -np.inf)
-        return Laws(np.exp(speed[0]), possible, level, np.exp(2.0 * log_error))
+        positive = level > 0
+        moved = positive & (level <= most)
+        odds = np.where(moved if moved.any() else positive, odds, -np.inf)
+        return Laws(np.exp(speed[0]), odds, level, np.exp(2.0 * log_error))
 
     @property
     def best(self) -> tuple[int, int]:
@@ -94,7 +99,11 @@ def choose_law(
     odds = odds_of_each(model, terms, term.group, columns)
     shape = len(tried), len(tried[0])
     levels = model.levels(terms, np.concatenate(columns))
-    laws = Laws.of(tried[0], *(x.reshape(shape) for x in (odds, *levels)))
+    rows = {axis.name: axis.row for axis in missing.seen.robot.axes}
+    row = rows.get(own.place)
+    felt = missing.seen.raw if row is None else missing.seen.raw[:, row != 0]
+    most = float(np.abs(felt).max())
+    laws = Laws.of(tried[0], most, *(x.reshape(shape) for x in (odds, *levels)))
     exponent, speed = laws.best
     law = tried[exponent][0].with_shape(float(laws.speed[speed]))
     odd, gain = _gains_of_curve(missing, terms, term, law, curve)
