@@ -82,18 +82,18 @@ def format_number(value: float | None, digits: int = 4, *, pad: bool = False) ->
     --------
     >>> format_number(-0.39517, 3), format_number(228.0), format_number(3.2e-9, 2)
     ('−0.395', '228', '3.2·10⁻⁹')
-    >>> format_number(3499.6, 3), format_number(4.5, 3, pad=True)
-    ('3500', '4.50')
+    >>> format_number(3499.6, 3), format_number(4.5, 3, pad=True), format_number(2e-320, 1)
+    ('3500', '4.50', '2·10⁻³²⁰')
     """
     if value is None or not math.isfinite(value):
         return NONE
     if value == 0:
         return "0"
-    mantissa = f"{abs(value):.{digits - 1}e}"
-    power = _exponent(float(mantissa))
+    significand, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    power = int(exponent)
     tail = ""
     if not -5 < power < 6:
-        value = value / 10.0**power
+        value = float(significand)
         tail = f"·10{superscript(power)}"
         power = 0
     decimals = digits - 1 - power
