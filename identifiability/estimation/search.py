@@ -273,7 +273,8 @@ def _simplify_families(search: Search, best: Terms) -> Terms:
     its way back. So further searches have smaller groups alone. The evidence decides, and fewer
     parameters if it is about equal. The noise is kept from the search with families, which leave
     the least torque. A family has paid the price of the effects of which it consists. Some joints
-    of one family are no other effects: those that keep its name are chosen later.
+    of one family are no other effects: those that keep its name are chosen later. Smaller
+    groups with a curve among them explain nothing more simply, and may predict worse.
     """
     model = search.model
     most = model.total_odds(best)
@@ -286,7 +287,9 @@ def _simplify_families(search: Search, best: Terms) -> Terms:
         relief = sum(t.group.price for t in found if t.group.family in paid)
         odds = model.total_odds(found) + relief
         fewer = sum(t.size for t in found) < sum(t.size for t in best)
-        if _families_of(found) <= _families_of(best) or odds < most - RULES.simpler * fewer:
+        curves = any(_family(search.missing, t.group).flexible for t in found)
+        known = _families_of(found) <= _families_of(best)
+        if curves or known or odds < most - RULES.simpler * fewer:
             break
         best, most = found, odds
     return best

@@ -159,7 +159,7 @@ ANGLES = [
         "a zero that is 90° off",
         "angles",
         column("joint_2.q", lambda x, _: x + np.pi / 2),
-        ("state zero and unit", "a wrong zero of an encoder in joint_2"),
+        ("zero and unit of the positions", "a wrong zero of an encoder in joint_2"),
     ),
 ]
 
