@@ -54,7 +54,7 @@ def test_a_result_is_what_its_page_answers_first_and_a_table(kind, results):
     html = results[kind]._repr_html_()
     tags = Tags(html)
     assert {"dl", "table"} <= tags.found
-    assert tags.open == []
+    assert not tags.open
     first = answer_first(results[kind])
     assert all(escape(answer.question) in html for answer in first.answers)
     assert ("svg" in tags.found) == bool(first.below)

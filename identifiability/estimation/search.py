@@ -288,8 +288,8 @@ def _simplify_families(search: Search, best: Terms) -> Terms:
         odds = model.total_odds(found) + relief
         fewer = sum(t.size for t in found) < sum(t.size for t in best)
         curves = any(_family(search.missing, t.group).flexible for t in found)
-        known = _families_of(found) <= _families_of(best)
-        if curves or known or odds < most - RULES.simpler * fewer:
+        nothing_new = _families_of(found) <= _families_of(best)
+        if curves or nothing_new or odds < most - RULES.simpler * fewer:
             break
         best, most = found, odds
     return best

@@ -103,3 +103,10 @@ def once_each(method: Callable[Concatenate[T, P], V]) -> Callable[Concatenate[T,
         return results[key]
 
     return look
+
+
+def copy_afresh(kept: T) -> T:
+    """Return a shallow copy of an object, without the results that `once_each` keeps."""
+    copied = copy(kept)
+    vars(copied).pop("_results", None)
+    return copied

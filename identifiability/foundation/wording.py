@@ -112,13 +112,20 @@ def _keyword(found: re.Match[str]) -> str:
 
 
 def quoted(text: str, option: str = "") -> str:
-    """Return a value as Python writes it: a number, a truth value or a text; ``…`` if unknown.
+    """Return a value as Python writes it: numbers, a truth value or a text; ``…`` if unknown.
 
     Of the option ``fixed``, ``exact`` is true.
+
+    Examples
+    --------
+    >>> print(quoted("2e-3"), quoted("0,-0.1,0.2"), quoted("link,7"))
+    2e-3 (0, -0.1, 0.2) 'link,7'
     """
-    number = re.fullmatch(r"-?\d+(\.\d+)?(e-?\d+)?", text)
+    number = r"-?\d+(\.\d+)?(e-?\d+)?"
+    if re.fullmatch(rf"{number}(,{number})+", text):
+        return f"({text.replace(',', ', ')})"
     if option == "fixed" and text == "exact":
         return "True"
-    if number or text in ("True", "False", "…"):
+    if re.fullmatch(number, text) or text in ("True", "False", "…"):
         return text
     return repr(text)

@@ -86,7 +86,7 @@ class Conventions:
 
     @property
     def as_listed(self) -> Strings:
-        """Return the actuated joints in the order of the file."""
+        """The actuated joints in the order of the file."""
         order = [*self.listed, *self.joints]
         return tuple(sorted(self.joints, key=order.index))
 

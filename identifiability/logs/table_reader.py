@@ -392,7 +392,7 @@ class TableReader:
 def _distance_to_commands(frame: pd.DataFrame, naming: Naming) -> float:
     """Return the mean square of positions about their commands in a table."""
     columns = {c.name: c.scale(to_floats(frame[c.source])) for c in naming.columns if c.name != "t"}
-    pairs = [(columns[c], columns.get(c.replace("_ref", ""), 0.0)) for c in naming.commands]
+    pairs = [(columns[c], columns.get(c.removesuffix("_ref"), 0.0)) for c in naming.commands]
     apart = np.nan_to_num([command - q for command, q in pairs])
     return float(np.mean(apart**2))
 

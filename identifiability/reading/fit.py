@@ -24,7 +24,7 @@ from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF, find_chains
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen, once_each
+from identifiability.foundation.values import copy_afresh, frozen, once_each
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.regression.columns import list_candidates
@@ -177,6 +177,16 @@ class TorqueRows:
         self.late: int | None = None
         self.others = others
         self._roots: dict[tuple[int, bytes], Array] = {}
+
+    @once_each
+    def of_late_log(self, log: int) -> TorqueRows:
+        """Return these rows, of which a delay moves the torque of one log alone.
+
+        They share the smooth functions, if these are computed already.
+        """
+        rows = copy_afresh(self)
+        rows.late = log
+        return rows
 
     @cached_property
     def acts(self) -> list[np.ndarray]:

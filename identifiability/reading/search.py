@@ -11,7 +11,6 @@ tell it from other masses.
 """
 
 from collections.abc import Iterator, Sequence
-from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -24,7 +23,6 @@ from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import once_each
 from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare.dataset import Dataset, move_samples
 from identifiability.logs.signals import sampling_step
@@ -140,6 +138,7 @@ class ReadingSearch:
             return None
         step = sampling_step(self.rows.excerpt.pieces[0].motion.t)
         plain = replace(held, turned=False)
+        self.rows.fit(plain, adjusted=True)  # rows of each log share its smooth functions
         found = []
         for sample in logs:
             subject = f"The torque of {sample.name}"
@@ -211,22 +210,13 @@ class ReadingSearch:
         """
         if reading.late:
             names = [sample.name for sample in self.logs.samples]
-            return self._rows_of_late(names.index(reading.late))
+            return self.rows.of_late_log(names.index(reading.late))
         if not (reading.separate_offsets or reading.moves_joints or reading.carries):
             return self.rows
         key = bytes([reading.separate_offsets, reading.carries]) + reading.motion.tobytes()
         if key not in self._other_rows:
             self._other_rows[key] = self._make_rows(reading)
         return self._other_rows[key]
-
-    @once_each
-    def _rows_of_late(self, log: int) -> TorqueRows:
-        """Return the rows of which readings delay one log alone."""
-        self.rows.fit(self.literal, adjusted=True)  # their smooth functions are the same
-        rows = copy(self.rows)
-        rows.late = log
-        vars(rows)["_results"] = {}
-        return rows
 
     def _make_rows(self, reading: Reading) -> TorqueRows:
         if reading.carries:

@@ -529,7 +529,7 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
     sd += 0.025 * value * (kind == "limit")
     joints = [robot.joints[j] for j in at]
     fitted = [f"{joint} {x:.4g} ± {by:.2g}" for joint, x, by in zip(joints, value, sd, strict=True)]
-    keys = (key, "kv") if key == "kp" and first.over[-2, at].any() else (key,)
+    keys = (key, "kv") if key == "kp" and first.over[KINDS.index("kv"), at].any() else (key,)
     stated = [_state_numbers(joints, found.numbers[kind][at], kind) for kind in keys]
     said = {"fitted": listing(fitted, 12), "stated": stated, "open": first.is_open}
     then = phrase("odd_joint", "off" if kind == "play" else "used", **said)
@@ -553,7 +553,7 @@ def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -
     places = explanation.numbers % len(robot.joints)
     j = places[0]
     factor = np.exp(value) if kind == "kp" else 1.0
-    is_weak = kind == "kp" and servo.kp[j] and explanation.over[-2, j]
+    is_weak = kind == "kp" and servo.kp[j] and explanation.over[KINDS.index("kv"), j]
     joints = [robot.joints[k] for k in places]
     return phrase(
         "odd_joint",

@@ -113,12 +113,12 @@ class LoadEstimate:
 
     @property
     def mass_sd(self) -> float:
-        """Return the standard error of the mass [kg]."""
+        """Standard error of the mass [kg]."""
         return float(root_diagonal(self.covariance)[9])
 
     @property
     def is_less(self) -> bool:
-        """Return whether the logs have less on the body than those of the result."""
+        """Whether the logs have less on the body than those of the result."""
         return bool(self.theta[9] < -REACH * self.mass_sd)
 
 
@@ -439,6 +439,52 @@ def _state_gain(robot: Robot, joint: str, inverse: float, sd: float) -> Quantity
     return Quantity(column or joint, unit, 1.0 / inverse, low, high, why)
 
 
+@frozen
+class KnownLoad:
+    """Stated properties of a load.
+
+    Attributes
+    ----------
+    mass : float or None [kg]
+    centre : (3,) or None [m]
+    inertia : (3,) or None [kg·m²]
+        About its centre.
+    """
+
+    mass: float | None
+    centre: Point | None
+    inertia: Point | None
+
+    def check(self, empty: Sequence[LogLike], *, turns: bool) -> None:
+        """Refuse a load that is known in part; logs instead of a result need more of it.
+
+        The centre of a load that the robot cannot turn has no torque.
+
+        Raises
+        ------
+        OptionError
+        """
+        mass = self.mass is not None
+        centre = self.centre is not None
+        if centre > mass or (self.inertia is not None) > centre:
+            raise OptionError(Finding("load.moments"))
+        if empty and not mass:
+            raise OptionError(Finding("load.mass"))
+        if empty and turns and not centre:  # by one gain of all joints it would be found elsewhere
+            raise OptionError(Finding("load.centre"))
+
+    def parameters(self, nearest: Array) -> Array:
+        """Return its ten parameters in the order of `INERTIAL_KINDS`.
+
+        An unstated centre is taken from the nearest physically consistent body, together with the
+        moments.
+        """
+        if self.mass is None or self.centre is None:
+            return (nearest * (self.mass or 0.0) / nearest[9])[FROM_GROUPED]
+        inertia = np.zeros(3) if self.inertia is None else self.inertia
+        return ten_parameters(self.mass, self.centre, inertia)
+
+
 # `Load`: mass, centre and inertia of a load as numbers.
 
 
@@ -475,8 +521,8 @@ class Load(Result):
         By which factor torque is read too large.
     gains : tuple of Quantity
         Of each joint's torque column, for the sidecar, where the load's mass is known.
-    known : float or None
-        That mass [kg].
+    load : KnownLoad
+        What was stated of the load.
     hints : tuple of str
     fit : Fit or None
         The result without the load; None where a load is known.
@@ -495,10 +541,15 @@ class Load(Result):
     as_measured: tuple[Quantity, ...]
     by_file: tuple[Quantity, ...]
     scale: TorqueScale
+    load: KnownLoad
     gains: tuple[Quantity, ...] = ()
-    known: float | None = None
     hints: Strings = ()
     fit: Fit | None = None
+
+    @property
+    def known(self) -> float | None:
+        """The stated mass of the load [kg]."""
+        return self.load.mass
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -672,7 +723,7 @@ def payload(
         robot=case.robot,
         body=place,
         model=model,
-        known=mass,
+        load=load,
         hints=tuple(remarks_once),
         fit=fit,
         **numbers,
@@ -702,52 +753,6 @@ def _state_load(
         "by_file": by_file,
         "scale": scale,
     }
-
-
-@frozen
-class KnownLoad:
-    """Stated properties of a load.
-
-    Attributes
-    ----------
-    mass : float or None [kg]
-    centre : (3,) or None [m]
-    inertia : (3,) or None [kg·m²]
-        About its centre.
-    """
-
-    mass: float | None
-    centre: Point | None
-    inertia: Point | None
-
-    def check(self, empty: Sequence[LogLike], *, turns: bool) -> None:
-        """Refuse a load that is known in part; logs instead of a result need more of it.
-
-        The centre of a load that the robot cannot turn has no torque.
-
-        Raises
-        ------
-        OptionError
-        """
-        mass = self.mass is not None
-        centre = self.centre is not None
-        if centre > mass or (self.inertia is not None) > centre:
-            raise OptionError(Finding("load.moments"))
-        if empty and not mass:
-            raise OptionError(Finding("load.mass"))
-        if empty and turns and not centre:  # by one gain of all joints it would be found elsewhere
-            raise OptionError(Finding("load.centre"))
-
-    def parameters(self, nearest: Array) -> Array:
-        """Return its ten parameters in the order of `INERTIAL_KINDS`.
-
-        An unstated centre is taken from the nearest physically consistent body, together with the
-        moments.
-        """
-        if self.mass is None or self.centre is None:
-            return (nearest * (self.mass or 0.0) / nearest[9])[FROM_GROUPED]
-        inertia = np.zeros(3) if self.inertia is None else self.inertia
-        return ten_parameters(self.mass, self.centre, inertia)
 
 
 def _prepare_sides(

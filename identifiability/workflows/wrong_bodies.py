@@ -102,7 +102,8 @@ def find_wrong_bodies(fit: Fit) -> WrongBodies:
         np.column_stack([shapes[best[0], "other"], off - shapes[key] @ mass.value]),
     )
     left = np.linalg.qr(white[:, :-1])[0].T @ white[:, -1]
-    alone = left @ left < 2 * len(left)  # as many errors of size 1 are likely
+    # Where nothing is left but noise, the mean square is about one.
+    alone = left @ left < 2 * len(left)
     sd = root_diagonal(mass.covariance)[0] if alone else np.inf
     return WrongBodies(likely, float(mass.value[0]), float(sd), changed)
 

@@ -143,6 +143,7 @@ def test_a_log_with_less_than_the_fitted_ones_has_no_load(of_arm, make_logs):
     less = PlantedLoad(-1.5, np.zeros(3), -0.01 * np.eye(3))
     found = of_arm(make_logs(ARM, less, seed=3)[1])
     assert re.match("link_6 carries 1.[45].* less", found.answer)
+    assert "less on it" in str(found.next())
     assert not any(q.told for q in found.quantities)
 
 

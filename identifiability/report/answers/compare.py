@@ -349,8 +349,8 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
     """Yield the rows of a change: its torque and probability, then its numbers.
 
     Of the numbers they are the first, and others whose intervals exclude zero. A load has a table
-    of its centre and its moments about it. The probability of a change of several joints
-    is none of a joint whose share in it the motion does not show.
+    of its centre and its moments about it. A change of several joints has no probability at a joint
+    whose share the motion does not show.
     """
     probability = probability_text(change.odds) if _is_felt(change) else ""
     rivals = "; ".join(state_alternatives(change))

@@ -31,7 +31,7 @@ from .common import (
 from .tables import make_table, span_cell
 
 if TYPE_CHECKING:
-    from identifiability.workflows.payload import Load, Quantity
+    from identifiability.workflows.payload import KnownLoad, Load, Quantity
 
 
 class LoadPresenter(AnsweringPresenter):
@@ -55,11 +55,17 @@ class LoadPresenter(AnsweringPresenter):
         held = "".join(f" --without {path_for_shell(path)}" for path in result.without)
         out = []
         if fit and (lines := diagnose_lines(fit)):
-            mass = "" if result.known is None else f" --mass {result.known:g}"
-            again = f"payload {self.robot} refit.json {logs} {body}{held}{mass} --report load.html"
+            known = f"{held}{_known_options(result.load)}"
+            again = f"payload {self.robot} refit.json {logs} {body}{known} --report load.html"
             line = " && identifiability ".join((*lines, again))
             out = [command("weigh_again", line, names=fit.missing, count=fit.missing)]
-        if not (result.without or result.gains):
+        if fit and result.known is None and result.estimate.is_less:
+            unloaded = f"analyze {self.robot} {logs} --json unloaded.json"
+            weigh = (
+                f"payload {self.robot} unloaded.json {name_logs(fit.robot, fit.sides[0])} {body}"
+            )
+            out = [command("exchange", f"{unloaded} && identifiability {weigh}")]
+        elif not (result.without or result.gains):
             weigh = f"payload {self.robot} {fitted} {logs} {body} --without unloaded.csv"
             out.insert(0, command("weigh", weigh))
         if result.gains and result.without:
@@ -141,6 +147,14 @@ def _needs_motion(result: Load) -> bool:
     mass, *others = (q.why for q in result.quantities)
     unknown = mass == phrase("untold", "motion") or (not mass and any(others))
     return result.known is None and unknown and not _is_fixed(result)
+
+
+def _known_options(load: KnownLoad) -> str:
+    """Return the options that state what is known of a load."""
+    mass = () if load.mass is None else (load.mass,)
+    known = {"--mass": mass, "--centre": load.centre or (), "--inertia": load.inertia or ()}
+    texts = {option: ",".join(f"{x:g}" for x in numbers) for option, numbers in known.items()}
+    return "".join(f" {option_for_shell(option, text)}" for option, text in texts.items() if text)
 
 
 def _list_missing(result: Load) -> Strings:

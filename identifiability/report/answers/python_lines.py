@@ -216,8 +216,10 @@ def _split(words: Sequence[str]) -> tuple[list[str], dict[str, list[str]]]:
         if not word.startswith("--"):
             given.append(word)
             continue
-        name = word.removeprefix("--").replace("-", "_")
-        value = "True" if name in SWITCHES else next(rest, "")
+        option, joined, value = word.removeprefix("--").partition("=")
+        name = option.replace("-", "_")
+        if not joined:
+            value = "True" if name in SWITCHES else next(rest, "")
         if name == "set":
             name, _, value = value.partition("=")
         effects = name == "model" and not value.endswith(".toml")
