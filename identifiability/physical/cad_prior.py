@@ -386,14 +386,20 @@ def state_mass(
     missing : str
         The effects that their model surely lacks, as the start of a sentence. They come first.
     """
+    rows = mass_rows(robot, parameters)
     mass = total_mass(robot, parameters)
     stated = total_mass(robot, robot.nominal)
     alike = stated / RULES.another_robot <= mass <= RULES.another_robot * stated
-    if alike or robot.guessed or not (stated > 0 and mass_rows(robot, parameters)):
+    heavy = [
+        f" ({row['body']} {row['mass']:.4g} kg, by the file {row['mass_file']:.4g} kg)"
+        for row in rows
+        if row["mass"] > max(stated, RULES.another_robot * row["mass_file"])
+    ]
+    if robot.guessed or not (stated > 0 and rows) or (alike and not heavy):
         return ""
     weighs = (
         f"nearest physically consistent robot weighs {mass:.4g} kg, that of the robot file "
-        f"{stated:.4g} kg"
+        f"{stated:.4g} kg{''.join(heavy)}"
     )
     if missing:
         return (
@@ -401,9 +407,10 @@ def state_mass(
             "what is missing. Complete the model (diagnose) before you believe or export masses."
         )
     return (
-        f"The {weighs}: identified masses disagree with the file's. Check a mass of the file, "
-        "gravity (its direction, a compensation), a unit, a torque scale and an encoder's zero. Or "
-        f"--set cad_prior={10 * cad_weight or WEAK:g} keeps it nearer to the file's proportions."
+        f"The {weighs}: identified masses disagree with the file's. Check a mass of the file, a "
+        "spring or counterweight, gravity (its direction, a compensation), a unit, a torque scale "
+        f"and an encoder's zero. Or --set cad_prior={10 * cad_weight or WEAK:g} keeps it nearer to "
+        "the file's proportions."
     )
 
 
