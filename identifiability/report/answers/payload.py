@@ -280,7 +280,9 @@ def _answer_trust(result: Load) -> Answer:
 
 def _answer_gains(result: Load) -> Answer:
     """Return the gains of torque columns, and those that a column in N·m or N does not have."""
-    off = [g.name for g in result.gains if g.told and not g.low < 1 < g.high]
+    told = [g for g in result.gains if g.told]
+    against = [g.name for g in told if g.value < 0]
+    off = [g.name for g in told if not g.low < np.sign(g.value) < g.high]
     unknown = {g.name: g.why for g in result.gains if not g.told}
     parts = []
     for part in ("load", "motors"):
@@ -288,6 +290,8 @@ def _answer_gains(result: Load) -> Answer:
         parts += [sentence("payload.how", f"no_{part}", joints=joints)] if joints else []
     if len(off) + len(unknown) < len(result.gains):
         parts.append(sentence("payload.unit", "off" if off else "right", joints=off))
+    if against:
+        parts.append(sentence("payload.unit", "against", joints=against))
     text = join_sentences(*parts)
     tone = "amber" if unknown else "blue"
     return Answer(sentence("payload.unit", "question"), result.answer, text, tone)
