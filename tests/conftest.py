@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 from matplotlib.figure import Figure
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from identifiability import IdentifiabilityError, Log, Model, Noise, Robot, report, simulate
@@ -208,17 +209,30 @@ def paper_model():
     return Model.of(*PAPER_EFFECTS)
 
 
+def shipped_log(robot, trajectory, samples=None, *, like=None, **options):
+    """Simulate a motion that is shipped with a robot, or with the one that it is like."""
+    motion = PrescribedMotion.of(shipped_trajectory(like or robot, trajectory), samples)
+    return simulate(robot, motion, **options)
+
+
 @cache
-def simulated_log(
-    name,
-    trajectory,
-    seed=0,
-    noise=PAPER_NOISE,
-    samples=None,
-):
-    robot = load(name)
-    motion = PrescribedMotion.of(shipped_trajectory(robot, trajectory), samples)
-    return simulate(robot, motion, noise=noise, rng=np.random.default_rng(seed))
+def simulated_log(name, trajectory, seed=0, noise=PAPER_NOISE, samples=None):
+    return shipped_log(load(name), trajectory, samples, noise=noise, seed=seed)
+
+
+def write_robot(folder, text, suffix="xml", sidecar=None, lock=None):
+    """Write a robot file, with a sidecar beside it if one is given, and read it."""
+    path = folder / f"robot.{suffix}"
+    path.write_text(text)
+    if sidecar is not None:
+        path.with_suffix(".toml").write_text(sidecar)
+    return Robot.load(path, lock=lock)
+
+
+@pytest.fixture
+def load_text(tmp_path):
+    """A function (text, suffix, sidecar, lock) -> the robot of a file of this test."""
+    return partial(write_robot, tmp_path)
 
 
 @cache
@@ -285,22 +299,39 @@ def simulated_session():
     return simulated_log
 
 
+COMMANDS = vars(get_command(app))["commands"]
+
+
+def invoke(*words):
+    """Run a command line in this process; return its result."""
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def invoke_well(*words):
+    """Run a command line that ends well; return its result."""
+    done = invoke(*words)
+    assert done.exit_code == 0, f"{words}\n{done.output}\n{done.exception}"
+    return done
+
+
+def quickly(name, *words):
+    """Return the words of a command with those of its options that spare time."""
+    command = COMMANDS[name]
+    quick = {o for p in command.params for o in p.opts} & {"--quick"} - {*words}
+    workers = ("--set", "workers=1") if "workers" in command.settings else ()
+    return name, *words, *workers, *quick
+
+
 @pytest.fixture(scope="session")
 def command():
     """A function (words) -> result of the command line, run in this process."""
-    return lambda *words: CliRunner().invoke(app, [str(word) for word in words])
+    return invoke
 
 
 @pytest.fixture(scope="session")
-def succeeds(command):
+def succeeds():
     """A function (words) -> result of a command that ends well."""
-
-    def run(*words):
-        done = command(*words)
-        assert done.exit_code == 0, done.output
-        return done
-
-    return run
+    return invoke_well
 
 
 @pytest.fixture

@@ -16,6 +16,8 @@ from identifiability.robot import complete_motion
 from identifiability.robot.mjcf import quiet
 from identifiability.simulation.mujoco_robot import bare_urdf
 
+#: What bodies alone make of torque.
+RIGID = ("rigid_body",)
 #: Everything that a file can state of torque.
 EFFECTS = (
     "rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia", "torque_offset",
@@ -23,9 +25,9 @@ EFFECTS = (
 )  # fmt: skip
 
 
-def nominal_torque(robot, motion):
+def nominal_torque(robot, motion, effects=EFFECTS):
     """Return the torque (N, n) of the file's own values: the library's regressor times them."""
-    model = Model.of(*EFFECTS)
+    model = Model.of(*effects)
     values = [robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)]
     return model.regressor(robot, motion) @ np.array(values)
 
@@ -36,10 +38,14 @@ def waves(t, rates, sizes, phases):
     return [(sizes * rates**k * np.sin(angle + k * np.pi / 2)).sum(1) for k in range(3)]
 
 
+def still(robot, q):
+    """Return a motion that stands at each of these positions."""
+    return complete_motion(robot, np.arange(len(q)) * 0.01, q, 0 * q, 0 * q)
+
+
 def weight(robot, log):
     """Return the torque (N, n) that holds a robot at the positions of a log."""
-    motion = complete_motion(robot, log.t, log.q, 0 * log.q, 0 * log.q)
-    return gravity_torque(robot, motion, robot.gravity)
+    return gravity_torque(robot, still(robot, log.q), robot.gravity)
 
 
 def load_mujoco(path):
@@ -122,32 +128,17 @@ def in_pinocchio(path, robot, motion):
             model.gravity.linear = np.array(option.get("gravity").split(), float)
     data = model.createData()
     out = np.zeros((len(motion), robot.nv))
-    positions = _positions(model, robot, motion)
+    at = [robot.tree.single[name].iq for name in robot.dofs]
+    neutral = pin.neutral(model)
     friction = np.where(np.isfinite(model.upperDryFrictionLimit), model.upperDryFrictionLimit, 0.0)
     for k in range(len(motion)):
         v = motion.v[k]
-        out[k] = pin.rnea(model, data, positions[k], v, motion.a[k])
+        q = pin.integrate(model, neutral, motion.q[k, at])
+        out[k] = pin.rnea(model, data, q, v, motion.a[k])
         out[k] += model.damping * v + friction * np.sign(v)
     for motor in ET.parse(path).iter("general"):  # which it passes over, too
         constant = float(motor.get("biasprm").split()[0])
         out[:, robot.dof_index(motor.get("joint"))] -= float(motor.get("gear", "1")) * constant
-    return out
-
-
-def _positions(model, robot, motion):
-    """Return positions as Pinocchio reads a file: of a joint without limits, cosine and sine."""
-    out = np.zeros((len(motion), model.nq))
-    for k in range(1, model.njoints):
-        joint = model.joints[k]
-        own = motion.q[:, robot.tree.single[robot.dofs[joint.idx_v]].iq]
-        if joint.nq == joint.nv:
-            at = [
-                robot.tree.single[robot.dofs[d]].iq
-                for d in range(joint.idx_v, joint.idx_v + joint.nv)
-            ]
-            out[:, joint.idx_q : joint.idx_q + joint.nq] = motion.q[:, at]
-        else:
-            out[:, joint.idx_q : joint.idx_q + 2] = np.stack([np.cos(own), np.sin(own)], 1)
     return out
 
 

@@ -74,14 +74,9 @@ def test_a_prior_that_the_user_states_moves_the_posterior(arm, tmp_path):
     assert after["link2.m"].std() < 0.03
 
 
-@pytest.mark.parametrize(
-    "prior, sentence",
-    [('"elbow.Fv" = {mean = -3.0, sd = 0.1}', "-3 ± 0.1 for 'elbow.Fv', which cannot be neg")],
-)
-def test_a_prior_that_cannot_be_is_refused_with_a_sentence(
-    arm, tmp_path, prior, sentence, rejected
-):
-    robot = Robot.load("two-link", sidecar(tmp_path, prior))
+def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, rejected):
+    sentence = "-3 ± 0.1 for 'elbow.Fv', which cannot be neg"
+    robot = Robot.load("two-link", sidecar(tmp_path, '"elbow.Fv" = {mean = -3.0, sd = 0.1}'))
     full = arm.full
     model = fitted(arm, full, robot)
     with rejected(sentence):

@@ -23,13 +23,12 @@ from identifiability import (
     payload,
     predict,
     prune,
-    simulate,
 )
 from identifiability.regression import structure
 from identifiability.regression.regression import LogPart
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows import case as cases
 
+from .conftest import shipped_log
 from .marks import everything
 
 refuses = partial(pytest.raises, IdentifiabilityError)
@@ -40,17 +39,8 @@ VERBS = {"analyze": analyze, "diagnose": diagnose, "prune": prune}
 def two_logs():
     """A robot with a spring that its model lacks, and two logs of it."""
     robot = Robot.load("two-link")
-    rng = default_rng(0)
-    logs = [
-        simulate(
-            robot,
-            PrescribedMotion.of(shipped_trajectory(robot, name), 600),
-            noise=Noise(torque=0.03),
-            rng=rng,
-            hide=["joint_stiffness=0.1"],
-        )
-        for name in ("a", "b")
-    ]
+    made = {"noise": Noise(torque=0.03), "rng": default_rng(0), "hide": ["joint_stiffness=0.1"]}
+    logs = [shipped_log(robot, name, 600, **made) for name in "ab"]
     return robot, [replace(log, name=name) for log, name in zip(logs, "ab", strict=True)]
 
 
@@ -65,15 +55,9 @@ def case(two_logs):
 def loaded(two_logs):
     """A log of the same robot with a load of half a kilogram."""
     robot, _ = two_logs
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "b"), 500)
-    noise = Noise(torque=0.03)
-    rng = default_rng(1)
-    return replace(
-        simulate(
-            robot.with_payload(mass=0.5), motion, noise=noise, rng=rng, hide=["joint_stiffness=0.1"]
-        ),
-        name="loaded",
-    )
+    heavy = robot.with_payload(mass=0.5)
+    made = {"noise": Noise(torque=0.03), "seed": 1, "hide": ["joint_stiffness=0.1"]}
+    return replace(shipped_log(heavy, "b", 500, like=robot, **made), name="loaded")
 
 
 @pytest.fixture

@@ -7,17 +7,11 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
-from identifiability import Log, Model, Robot, analyze, diagnose, predict, prepare_log, simulate
-from identifiability.effects import find_effect
+from identifiability import Log, Model, Robot, analyze, diagnose, predict, prepare_log
 from identifiability.regression.structure import random_motion
-from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
+from identifiability.simulation import Campaign, Noise, random_trajectory
 
-
-def columns(robot, motion, name):
-    effect = find_effect(name)
-    W = Model((effect,)).regressor(robot, motion)
-    return W, [p.name for p in effect.parameters(robot)]
-
+from .conftest import shipped_log
 
 COUPLED = """
 [transmission]
@@ -37,8 +31,7 @@ def coupled(tmp_path):
 
 def test_motor_logs_are_converted_to_the_joint_side(coupled, tmp_path, rejected):
     assert [coupled.torque_column(joint) for joint in coupled.joints] == ["", "motor2"]
-    trajectory = shipped_trajectory(coupled, "a")
-    joint = simulate(coupled, trajectory)
+    joint = shipped_log(coupled, "a")
     R = np.array([[50.0, 0.0], [-30.0, -30.0]])
     offset = np.array([0.1, -0.2])
     motor = Log(
@@ -57,13 +50,11 @@ def test_motor_logs_are_converted_to_the_joint_side(coupled, tmp_path, rejected)
     assert_allclose((motor.tau * motor.dq).sum(1), (joint.tau * joint.dq).sum(1), atol=1e-10)
 
 
-def test_a_wrong_constant_of_a_coupled_motor_is_no_leak(coupled, tmp_path):
+def test_a_wrong_constant_of_a_coupled_motor_is_no_leak(tmp_path):
     gains = tmp_path / "gains.toml"
     gains.write_text(COUPLED + "[torque]\ngain = {motor1 = 1, motor2 = 1}\n")
     robot = Robot.load("two-link", gains)
-    log = simulate(
-        robot, shipped_trajectory(robot, "a"), noise=Noise(additive=0.02), rng=default_rng(0)
-    )
+    log = shipped_log(robot, "a", noise=Noise(additive=0.02))
     C = robot.transmission.coupling
     off = replace(log, tau=log.tau @ np.linalg.inv(C) * [1, 1.1] @ C)
     ((p,),) = [
@@ -79,8 +70,9 @@ def test_a_joint_without_masses_has_no_load_and_not_that_of_rounding():
     """
     robot = Robot.load("dvrk-psm")
     along = random_motion(robot, default_rng(0), 30)
-    W, names = columns(robot, along, "load_dependent_friction")
-    loaded = {name for k, name in enumerate(names) if W[:, :, k].any()}
+    model = Model.of("load_dependent_friction")
+    acts = model.regressor(robot, along).any((0, 1))
+    loaded = {p.name for p, own in zip(model.parameters(robot), acts, strict=True) if own}
     assert loaded == {f"{j}.Fl" for j in ("yaw", "pitch", "insertion")}
     # Nor where the loops of the arm round what the others carry into it.
     moved = [random_trajectory(robot, default_rng(k)) for k in range(2)]

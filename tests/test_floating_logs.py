@@ -54,11 +54,8 @@ def thrown():
 
 
 @pytest.fixture
-def body(tmp_path):
-    path = tmp_path / "body.xml"
-    path.write_text(BODY)
-    path.with_suffix(".toml").write_text(WRENCH)
-    return Robot.load(path)
+def body(load_text):
+    return load_text(BODY, sidecar=WRENCH)
 
 
 def table(s, **more):

@@ -15,13 +15,10 @@ from html.parser import HTMLParser
 from types import SimpleNamespace
 
 import pytest
-from numpy.random import default_rng
-from typer.testing import CliRunner
 
-from identifiability import Noise, Robot, new_study, simulate
-from identifiability.cli import app
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability import Noise, Robot, new_study
 
+from .conftest import invoke, load, shipped_log
 from .marks import everything
 
 #: Writes the file `hit` if a shell or Python runs it.
@@ -76,15 +73,15 @@ def hostile_robot(folder, joints):
 
 def write_logs(robot, folder):
     """Write a log to fit and one to hold out."""
-    plain = Robot.load("two-link")
     for seed, (name, motion) in enumerate(((LOG, "a"), (HELD_OUT, "b"))):
-        moved = PrescribedMotion.of(shipped_trajectory(plain, motion), 300)
-        simulate(robot, moved, noise=Noise(torque=0.02), rng=default_rng(seed)).write(folder / name)
+        made = {"noise": Noise(torque=0.02), "seed": seed}
+        log = shipped_log(robot, motion, 300, like=load("two-link"), **made)
+        log.write(folder / name)
 
 
 def call(*words):
     """Run a verb in this process; return its output, or the sentence of its refusal."""
-    done = CliRunner().invoke(app, [str(word) for word in words])
+    done = invoke(*words)
     assert done.exception is None or isinstance(done.exception, SystemExit)
     if done.exit_code:
         assert done.exit_code == 2
@@ -302,8 +299,7 @@ def check_script(path, fitted, held_out, monkeypatch):
 def test_a_hint_quotes_what_it_says_to_type(lost, option, word, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     robot = hostile_robot(tmp_path, ("-rf $(id)", ";id;#"))
-    motion = PrescribedMotion.of(shipped_trajectory(Robot.load("two-link"), "a"), 300)
-    log = simulate(robot, motion, rng=default_rng(0)).to_frame()
+    log = shipped_log(robot, "a", 300, like=load("two-link")).to_frame()
     log.rename(columns=lost).to_csv("log.csv", index=False)
     sentence = call("inspect", f"./{ROBOT}", "log.csv")
     typed = re.findall(rf"{option}[ =]('[^']*')", sentence)

@@ -11,18 +11,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 from numpy.random import default_rng
-from typer.testing import CliRunner
 
 from identifiability import Noise, Robot, new_study, simulate
-from identifiability.cli import app, common
+from identifiability.cli import common
 from identifiability.report.answers.commands import reading_options
-from identifiability.simulation import PrescribedMotion, random_trajectory, shipped_trajectory
+from identifiability.simulation import PrescribedMotion, random_trajectory
 
+from .conftest import invoke_well, quickly, shipped_log
 from .marks import everything
-
-COMMANDS = vars(typer.main.get_command(app))["commands"]
 
 #: What somebody types where robot.xml, a.csv and b.csv are.
 GIVEN = "robot.xml a.csv --validate b.csv"
@@ -60,19 +57,14 @@ def logs():
     for seed, (name, hidden) in enumerate(
         {"a": ["stribeck_friction=0.2"], "b": ["stribeck_friction=0.2"], "loaded": []}.items()
     ):
-        motion = PrescribedMotion.of(shipped_trajectory(robot, "b" if name == "b" else "a"), 300)
-        out[name] = simulate(robot, motion, noise=NOISE, rng=default_rng(seed), hide=hidden)
+        motion = "b" if name == "b" else "a"
+        out[name] = shipped_log(robot, motion, 300, noise=NOISE, seed=seed, hide=hidden)
     return out
 
 
 def call(words):
     """Run a command in this process, quickly; return what it says."""
-    command = COMMANDS[words[0]]
-    more = [["--set", "workers=1"]] if "workers" in command.settings else []
-    more += [["--quick"]] if "--quick" in {o for p in command.params for o in p.opts} else []
-    done = CliRunner().invoke(app, [*words, *(w for pair in more for w in pair)])
-    assert done.exit_code == 0, f"{shlex.join(words)}\n{done.output}\n{done.exception}"
-    return done.stdout
+    return invoke_well(*quickly(*words)).stdout
 
 
 def proposed(said, page):
@@ -197,8 +189,7 @@ def test_next_lines_of_shipped_robots_end_in_an_exported_robot(robot, hide, tmp_
     loaded = Robot.load(robot)
     hidden = [hide] if hide else []
     for seed, name in enumerate("ab"):
-        motion = PrescribedMotion.of(shipped_trajectory(loaded, name), 500)
-        log = simulate(loaded, motion, noise=NOISE, rng=default_rng(seed), hide=hidden)
+        log = shipped_log(loaded, name, 500, noise=NOISE, seed=seed, hide=hidden)
         log.write(f"{name}.csv")
     verbs = follow(f"identifiability analyze {robot} a.csv --validate b.csv")
     assert ("diagnose" in verbs) >= bool(hide)
@@ -313,10 +304,9 @@ def test_the_line_that_a_new_study_begins_with_works_where_it_says(folder, monke
     call(shlex.split(line))
 
 
-def test_what_the_sidecar_says_of_logs_is_not_said_again(tmp_path):
-    path = tmp_path / "robot.xml"
-    path.write_bytes(Robot.load("two-link").path.read_bytes())
-    path.with_suffix(".toml").write_text('angles = "deg"\n[columns]\na1 = "shoulder"\n')
-    assert reading_options(Robot.load(path)) == ""
-    told = reading_options(Robot.load(path, columns={"a2": "elbow"}, time_unit="ms"))
+def test_what_the_sidecar_says_of_logs_is_not_said_again(load_text, two_link):
+    stated = 'angles = "deg"\n[columns]\na1 = "shoulder"\n'
+    robot = load_text(two_link.path.read_text(), sidecar=stated)
+    assert reading_options(robot) == ""
+    told = reading_options(Robot.load(robot.path, columns={"a2": "elbow"}, time_unit="ms"))
     assert told == " --map a2=elbow --set time_unit=ms"

@@ -14,18 +14,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
 import identifiability
-from identifiability.cli import app
 from identifiability.foundation.engines import Serial
+
+from .conftest import COMMANDS, invoke_well, quickly
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Where the package is, here or installed.
 SITE = Path(identifiability.__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md"))]
-COMMANDS = vars(typer.main.get_command(app))["commands"]
 
 #: Pages that run from top to bottom in an empty folder, as they are printed.
 RUN = ["README.md", *(f"docs/tutorials/{p.name}" for p in sorted(ROOT.glob("docs/tutorials/*.md")))]
@@ -69,15 +67,11 @@ def type_in(line, *, quick):
     elif program == "identifiability":
         if quick and (words[0] in SLOW or any(w in AGAIN for w in words)):
             return
-        command = COMMANDS[words[0]]
-        options = {o for p in command.params for o in p.opts}
-        words += ["--set", "workers=1"] if quick and "workers" in command.settings else []
-        words += ["--quick"] if quick and "--quick" in options.difference(words) else []
+        words = [*quickly(*words)] if quick else words
         if quick and words[0] == "analyze" and "--report" in words:  # its Python writes that page
             at = words.index("--report")
             del words[at : at + 2]
-        done = CliRunner().invoke(app, words)
-        assert done.exit_code == 0, f"{line}\n{done.output}\n{done.exception}"
+        invoke_well(*words)
     else:
         assert line in (*CHECKOUT, *INSTALL), f"nothing runs '{line}' here"
 

@@ -4,18 +4,10 @@ import numpy as np
 import pytest
 
 import identifiability
-from identifiability import (
-    Analysis,
-    Robot,
-    analyze,
-    calibrate,
-    compare,
-    diagnose,
-    payload,
-    prune,
-    simulate,
-)
-from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
+from identifiability import Analysis, Robot, analyze, calibrate, compare, diagnose, payload, prune
+from identifiability.simulation import PAPER_NOISE
+
+from .conftest import shipped_log
 
 
 @pytest.fixture(scope="module")
@@ -110,9 +102,8 @@ def test_a_standard_parameter_is_refused_with_the_combination_that_holds_it(resu
 def test_a_change_is_found_by_its_parameter(log):
     robot = Robot.load("two-link")
     friction = {n: 2 * x for n, x in robot.nominal.items() if n.startswith("elbow.F")}
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"))
-    rng = np.random.default_rng(1)
-    after = simulate(robot.with_values(friction), motion, noise=PAPER_NOISE, rng=rng)
+    made = {"like": robot, "noise": PAPER_NOISE, "seed": 1}
+    after = shipped_log(robot.with_values(friction), "a", **made)
     found = compare(robot, log, after)
     name = next(n for n in found.row_names() if n.startswith("elbow.F"))
     row = found[name]

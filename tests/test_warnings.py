@@ -10,16 +10,15 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import analyze, diagnose, new_study
-from identifiability.cli import app
 from identifiability.report.answers.common import (
     PredictingPresenter,
     state_uneven,
     state_uneven_log,
 )
 
+from .conftest import invoke_well
 from .marks import everything
 
 RUNS = ("run1.csv", "run2.csv", "run3.csv")
@@ -73,9 +72,7 @@ ALSO = everything("analyze")
 
 def call(typed):
     """Run a command as somebody who asks for no detail; return what it prints."""
-    done = CliRunner().invoke(app, shlex.split(typed))
-    assert done.exit_code == 0, f"{typed}\n{done.output}\n{done.exception}"
-    return done.stdout
+    return invoke_well(*shlex.split(typed)).stdout
 
 
 def text_of(page):

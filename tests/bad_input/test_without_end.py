@@ -10,7 +10,7 @@ from identifiability.foundation.names import Renames
 from identifiability.robot import assembly
 from identifiability.robot import locate as xml
 
-MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+from ..robot_files.made_robots import INERTIAL, turning
 
 #: Letters of the longest sentence that anybody reads.
 READABLE = 900
@@ -39,12 +39,6 @@ def sparse(path):
     os.truncate(path, 60_000_000)
 
 
-def arm(inside="", head="", name="j", mass="1"):
-    inertial = f'<inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/>'
-    body = f'<body name="b"><joint name="{name}"/>{inertial}{inside}</body>'
-    return f"<mujoco>{head}<worldbody>{body}</worldbody></mujoco>"
-
-
 def ring(count):
     """Return so many joints of which each follows the next one and the last the first."""
     weighs = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
@@ -53,14 +47,12 @@ def ring(count):
         f'<joint joint1="follower{k}" joint2="follower{(k + 1) % count}"/>' for k in range(count)
     )
     told = f'<equality>{ties}</equality><actuator><motor joint="j"/></actuator>'
-    return arm(joints).replace("</mujoco>", f"{told}</mujoco>")
+    return turning(joints, tail=told)
 
 
 def chain(count):
     """Write a URDF of so many joints."""
-    moments = " ".join(f'{key}="{int(key[1] == key[2])}"' for key in MOMENTS)
-    inertia = f'<inertial><mass value="1"/><inertia {moments}/></inertial>'
-    links = "".join(f'<link name="l{k}">{inertia}</link>' for k in range(count + 1))
+    links = "".join(f'<link name="l{k}">{INERTIAL}</link>' for k in range(count + 1))
     joints = "".join(
         f'<joint name="j{k}" type="continuous"><parent link="l{k}"/><child link="l{k + 1}"/>'
         '<axis xyz="0 0 1"/></joint>'
@@ -69,31 +61,24 @@ def chain(count):
     return f'<robot name="r">{links}{joints}</robot>'
 
 
-def including(count, deep):
-    """Write a file that includes so many, beside or in each other."""
-
-    def write(path):
-        names = [f"{k}.xml" for k in range(count)]
-        for k, name in enumerate(names):
-            inner = f'<include file="{k + 1}.xml"/>' if deep and k + 1 < count else ""
-            path.with_name(name).write_text(f"<mujoco>{inner}</mujoco>")
-        first = names[:1] if deep else names
-        path.write_text(arm(head="".join(f'<include file="{n}"/>' for n in first)))
-
-    return write
+def including(path):
+    """Write a file that includes one more than it may."""
+    names = [f"{k}.xml" for k in range(xml.MOST_INCLUDES + 1)]
+    for name in names:
+        path.with_name(name).write_text("<mujoco/>")
+    path.write_text(turning(head="".join(f'<include file="{name}"/>' for name in names)))
 
 
 ROBOTS = {
-    "elements": (
-        arm("<site/>" * xml.MOST_ELEMENTS),
-        "too large: it has more than 20000 elements; simplify it",
-    ),
     "bytes": (sparse, "larger than 10 MB"),
-    "includes": (including(xml.MOST_INCLUDES + 1, deep=False), "includes more than 100 files"),
-    "room": (arm(head='<size nkey="2000000000"/>', mass="0"), "mass and inertia"),
-    "copies by a sign": (arm('<replicate count="+99999999"><body/></replicate>'), "is too large"),
+    "includes": (including, "includes more than 100 files"),
+    "room": (turning(head='<size nkey="2000000000"/>', mass="0"), "mass and inertia"),
+    "copies by a sign": (
+        turning('<replicate count="+99999999"><body/></replicate>'),
+        "is too large",
+    ),
     "gravity": (
-        arm(head='<option gravity="0 0 1e16"/>'),
+        turning(head='<option gravity="0 0 1e16"/>'),
         "gravity, the place of a joint or site, .* is infinite",
     ),
     "advice": (ring(60), r"joints have no actuator .* and \d+ more\) .* must be locked"),
@@ -117,20 +102,16 @@ def test_limits_of_robot_files_and_of_formats_that_are_not_read(refuses, what):
     refuses(Robot.load, f"robot.{ending}", *(ROBOTS | NOT_READ)[what])
 
 
-def test_what_is_read_takes_a_time_that_grows_like_the_file(tmp_path, at_once):
-    path = tmp_path / "robot.xml"
+def test_what_is_read_takes_a_time_that_grows_like_the_file(load_text, at_once):
     motors = "<actuator>" + '<motor joint="j"/>' * 6_000 + "</actuator>"
-    path.write_text(arm().replace("</mujoco>", f"{motors}</mujoco>"))
     with at_once():
-        assert Robot.load(path).joints == ("j",)
+        assert load_text(turning(tail=motors)).joints == ("j",)
 
 
-def test_limits_of_joints(refuses, tmp_path):
+def test_limits_of_joints(refuses, load_text):
     most = assembly.MOST_JOINTS
     refuses(Robot.load, "robot.urdf", chain(most + 1), f"has {most + 1} degrees of freedom")
-    whole = tmp_path / "whole.urdf"
-    whole.write_text(chain(most))
-    assert len(Robot.load(whole).joints) == most
+    assert len(load_text(chain(most), "urdf").joints) == most
 
 
 def test_a_mesh_that_weighs_is_bounded(refuses):
@@ -138,7 +119,7 @@ def test_a_mesh_that_weighs_is_bounded(refuses):
         with path.with_name("m.stl").open("wb") as file:
             file.truncate(xml.MOST_BYTES + 1)
         mesh = '<asset><mesh name="m" file="m.stl"/></asset>'
-        path.write_text(arm('<body><joint/><geom type="mesh" mesh="m"/></body>', head=mesh))
+        path.write_text(turning('<body><joint/><geom type="mesh" mesh="m"/></body>', head=mesh))
 
     refuses(Robot.load, "robot.xml", write, "larger than 50 MB")
 
@@ -158,17 +139,15 @@ def test_limits_of_documents(refuses, what):
 
 #: What is at its limit, and read.
 AT = {
-    "bodies": arm("<body/>" * (xml.MOST_BODIES - 1)),
-    "room": arm(head='<size nkey="2000000000" nuser_geom="100"/>'),
+    "bodies": turning("<body/>" * (xml.MOST_BODIES - 1)),
+    "room": turning(head='<size nkey="2000000000" nuser_geom="100"/>'),
 }
 
 
 @pytest.mark.parametrize("what", AT)
-def test_what_is_at_its_limit_is_read(what, tmp_path, at_once):
-    path = tmp_path / "robot.xml"
-    path.write_text(AT[what])
+def test_what_is_at_its_limit_is_read(what, load_text, at_once):
     with at_once():
-        assert len(Robot.load(path).joints) == 1
+        assert len(load_text(AT[what]).joints) == 1
 
 
 @pytest.mark.parametrize("rule", ["(a|aa)+x", "(.*)(.*)(.*)(.*)x", "(a+){9}"])

@@ -4,11 +4,7 @@ import html
 import re
 import shlex
 
-import typer
-
-from identifiability.cli import app
-
-COMMANDS = typer.main.get_command(app).commands
+from ..conftest import COMMANDS
 
 #: Two frames, after which what is drawn has the size of its box.
 FRAMES = """() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"""

@@ -99,7 +99,7 @@ class MujocoRoad:
         assert not len(error) or np.abs(error).max() < CLOSED, np.abs(error).max()
         # What floats freely beside the robot stands still, and moves nothing of it.
         moving = m.jnt_type[m.dof_jntid] != int(mujoco.mjtJoint.mjJNT_FREE)
-        Z = _null_space(J, self.dofs, m.nv) if len(J) else np.eye(m.nv)[:, moving]
+        Z = _null_space(J, self.dofs) if len(J) else np.eye(m.nv)[:, moving]
         v = Z @ dq
         a = Z @ ddq
         if len(error):
@@ -187,7 +187,7 @@ def _solve(A, b):
     return np.linalg.lstsq(A, b, rcond=1e-9)[0]
 
 
-def _null_space(J, free, nv):
+def _null_space(J, free):
     """Return the motions (nv, n) that the equalities allow, one for each free coordinate."""
     _, s, Vt = np.linalg.svd(J)
     Z = Vt[int((s > 1e-9 * s[0]).sum()) :].T

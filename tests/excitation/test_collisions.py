@@ -6,7 +6,7 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_array_equal
 
-from identifiability import Model, Robot, excite
+from identifiability import Model, excite
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.structure import Structure
 from identifiability.workflows.excite import search as candidates
@@ -54,11 +54,9 @@ SHAPES = ["", LONG, SHORT, BLOCK]
 
 
 @pytest.fixture(params=["urdf", "xml"])
-def curling(request, tmp_path):
+def curling(request, load_text):
     """Return an arm that hits itself where it curls up."""
-    path = tmp_path / f"curling.{request.param}"
-    path.write_text(MJCF if request.param == "xml" else urdf(SHAPES))
-    return Robot.load(path)
+    return load_text(MJCF if request.param == "xml" else urdf(SHAPES), request.param)
 
 
 @pytest.fixture
@@ -109,10 +107,8 @@ def test_the_cost_of_coming_near_has_the_slope_that_it_says(curling):
     assert (high - low) / 1e-3 == pytest.approx(size, rel=0.1)
 
 
-def test_where_there_are_no_shapes_that_is_said(tmp_path, two_link):
+def test_where_there_are_no_shapes_that_is_said(load_text, two_link):
     said = excite(two_link, evaluations=1).hints  # its shapes are drawn and do not collide
     assert any("has no shapes that can collide" in text for text in said)
-    path = tmp_path / "arm.urdf"
     mesh = '<collision><geometry><mesh filename="away.stl"/></geometry></collision>'
-    path.write_text(urdf(["", mesh, "", mesh]))
-    assert "cannot be read" in Clearance.of(Robot.load(path))[1]
+    assert "cannot be read" in Clearance.of(load_text(urdf(["", mesh, "", mesh]), "urdf"))[1]

@@ -58,15 +58,14 @@ JOINT = """<link name="l{k}"><inertial><mass value="1"/><inertia ixx=".1" iyy=".
   <limit lower="-1" upper="1"{more}/></joint>"""
 
 
-def test_the_speeds_of_a_urdf_are_kept_where_no_sidecar_states_any(tmp_path):
+def test_the_speeds_of_a_urdf_are_kept_where_no_sidecar_states_any(load_text):
     """A slow joint is not driven at what is assumed of others; zero and nothing state nothing."""
     speeds = ("0.4", "3", "0", None)
     more = [' effort="9"' + (f' velocity="{v}"' if v else "") for v in speeds]
     joints = [JOINT.format(k=k, below=k - 1, more=m) for k, m in enumerate(more, 1)]
-    path = tmp_path / "arm.urdf"
-    path.write_text(f'<robot name="a"><link name="l0"/>{"".join(joints)}</robot>')
-    found = find_limits(Robot.load(path), {"j2": {"v": 1.5}})
+    given = f'<robot name="a"><link name="l0"/>{"".join(joints)}</robot>', "urdf"
+    found = find_limits(load_text(*given), {"j2": {"v": 1.5}})
     assert found.speed.tolist() == [0.4, 1.5, 2.0, 2.0]
     assert [a for a in found.assumed if a.endswith(".v")] == ["j3.v", "j4.v"]
-    path.with_suffix(".toml").write_text("[limits]\nj1 = {v = 0.2}\n")
-    assert find_limits(Robot.load(path)).speed.tolist() == [0.2, 3.0, 2.0, 2.0]
+    stated = load_text(*given, "[limits]\nj1 = {v = 0.2}\n")
+    assert find_limits(stated).speed.tolist() == [0.2, 3.0, 2.0, 2.0]

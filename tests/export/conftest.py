@@ -4,7 +4,6 @@ import json
 from dataclasses import dataclass
 
 import numpy as np
-import pytest
 
 from identifiability import Dataset, Model, Preparation, Regression, Robot, export, prepare_log
 from identifiability.effects import FAMILIES
@@ -72,9 +71,3 @@ def replay(robot, result, log, folder):
     errors = {name: error_ra(tau, x) for name, x in found.items()}
     stated = json.loads(path.read_text())["physical"]
     return Replayed(stated, exported, copy, **errors)
-
-
-@pytest.fixture(scope="session")
-def replayed():
-    """A function (robot, result, log, folder) -> Replayed."""
-    return replay

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import Model, Noise, Robot, analyze, prepare_log, simulate
+from identifiability import Model, Noise, Robot, analyze, prepare_log
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
@@ -12,7 +12,8 @@ from identifiability.regression.reduction import (
     list_functions,
 )
 from identifiability.regression.structure import Structure
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
+
+from ..conftest import shipped_log
 
 USUAL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 #: The elbow reaches 4.4 rad/s: in the second nothing is said of most of the splines.
@@ -20,11 +21,8 @@ FUNCTIONS = ("function_of_velocity@elbow", "function_of_velocity@elbow:40")
 
 
 def make_log(robot):
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 400)
-    return simulate(
-        robot, motion, noise=Noise(torque=0.02), hide=["stribeck_friction@elbow=0.1"],
-        rng=np.random.default_rng(0),
-    )  # fmt: skip
+    hidden = ["stribeck_friction@elbow=0.1"]
+    return shipped_log(robot, "a", 400, noise=Noise(torque=0.02), hide=hidden)
 
 
 @pytest.fixture(scope="module", params=FUNCTIONS)

@@ -6,10 +6,11 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
-from identifiability import Noise, Robot, analyze, export, simulate
+from identifiability import Noise, Robot, analyze, export
 from identifiability.robot.locate import shipped_robots
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import write_parameters
+
+from ..conftest import shipped_log
 
 DRIVEN = [n for n in shipped_robots() if Robot.load(n).offsets]
 AGREE = 1e-9
@@ -78,12 +79,9 @@ def told(tmp_path_factory):
     robot = Robot.load("two-link")
     folder = tmp_path_factory.mktemp("offsets")
     logs = [
-        simulate(
-            robot, PrescribedMotion.of(shipped_trajectory(robot, motion), 200),
-            noise=Noise(torque=0.02), parameters=LEVELS, rng=default_rng(k),
-        )
+        shipped_log(robot, motion, 200, noise=Noise(torque=0.02), parameters=LEVELS, seed=k)
         for k, motion in enumerate("ab")
-    ]  # fmt: skip
+    ]
     result = analyze(robot, logs[0], replicates=0)
     return result, result.to_json(folder / "result.json"), logs[1]
 
@@ -95,35 +93,27 @@ def test_friction_that_differs_by_direction_is_a_mean_and_an_offset(tmp_path, tw
     assert written.beside == ()
     copy = Robot.load(written.robot)
     assert (copy.nominal["shoulder.Fc"], copy.nominal["shoulder.off"]) == (2.0, 2.5)
-    motion = PrescribedMotion.of(shipped_trajectory(two_link, "a"), 50)
-    given = simulate(two_link, motion, parameters=LEVELS).tau
-    assert_allclose(simulate(copy, motion).tau, given, atol=AGREE * np.abs(given).max())
+    given = shipped_log(two_link, "a", 50, parameters=LEVELS).tau
+    found = shipped_log(copy, "a", 50, like=two_link).tau
+    assert_allclose(found, given, atol=AGREE * np.abs(given).max())
 
 
-def test_an_mjcf_errs_alone_as_little_as_with_all_and_a_urdf_says_what_it_lacks(told, tmp_path):
+def test_an_mjcf_errs_alone_as_little_as_with_all_and_a_urdf_says_what_it_lacks(
+    told, tmp_path, rejected
+):
     _, path, unseen = told
     mjcf = export("two-link", path, tmp_path / "fit.xml", validate=unseen)
     assert mjcf.beside == {}
     assert mjcf.error_ra_file == pytest.approx(mjcf.error_ra, rel=1e-6)
     assert mjcf.unseen.both == mjcf.unseen.written < 0.3 * mjcf.unseen.before
+    with rejected(r"worse than the file that it comes from: .* force=True"):
+        export("two-link", path, tmp_path / "fit.urdf", validate=unseen)
+    assert not (tmp_path / "fit.urdf").exists()
     urdf = export("two-link", path, tmp_path / "fit.urdf", validate=unseen, force=True)
     assert "torque offset" in urdf.beside
     assert urdf.unseen.both == pytest.approx(mjcf.unseen.both, rel=1e-6)
     assert urdf.unseen.written > 2 * urdf.unseen.both
     assert "fit.urdf alone errs by" in urdf.statement
-
-
-def test_a_file_that_is_worse_than_the_one_it_comes_from_needs_force(told, command, tmp_path):
-    _, path, unseen = told
-    unseen.to_frame().to_csv(tmp_path / "unseen.csv", index=False)
-    out = tmp_path / "fit.urdf"
-    words = ["export", "two-link", path, "--out", out, "--validate", tmp_path / "unseen.csv"]
-    run = command(*words)
-    assert run.exit_code == 2
-    assert "worse than the file that it comes from" in " ".join(run.output.split())
-    assert not out.exists()
-    assert command(*words, "--force").exit_code == 0
-    assert out.exists()
 
 
 @pytest.mark.parametrize("ending", ["xml", "urdf"])

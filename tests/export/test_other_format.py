@@ -10,6 +10,7 @@ from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion
 from identifiability.workflows.export import write_parameters
 
+from ..conftest import write_robot
 from ..marks import everything
 from ..roads import nominal_torque
 
@@ -55,10 +56,7 @@ def load(name, folder):
     if name not in made:
         return Robot.load(name)
     text, sidecar = made[name]
-    path = folder / "robot.xml"
-    path.write_text(text)
-    path.with_suffix(".toml").write_text(sidecar)
-    return Robot.load(path)
+    return write_robot(folder, text, sidecar=sidecar)
 
 
 CASES = ("3-rps", "five-bar", "coupled", "locked", "tendon")

@@ -3,13 +3,15 @@
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from identifiability import Model, Robot, analyze, find_base_parameters, prune, simulate
+from identifiability import Model, Robot, analyze, find_base_parameters, prune
 from identifiability.effects import FAMILIES
 from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
+from identifiability.simulation import PAPER_NOISE
+
+from ..conftest import shipped_log
+from .conftest import replay
 
 BASIC = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
 ROBOTS = ("two-link", "five-bar", "3-rps", "six-dof-arm", "six-ups")
@@ -38,14 +40,12 @@ ROUNDING = 1e-4
 def fit(name, what):
     """A noisy log with an effect that the robot file lacks, and its fit with that effect."""
     robot = Robot.load(name)
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "601" if name == "3-rps" else "a"), 250)
+    motion = "601" if name == "3-rps" else "a"
     family = what.partition("@")[0]
     hide = [f"{family}=0.2"] if family in HIDDEN else []
     gone = ("Fv", "Fc", "Fc+", "Fc-", *robot.inertia_parts) if what == "zeroed" else ()
     bare = {n: 0.0 for n in robot.nominal if n.rpartition(".")[2] in gone}
-    log = simulate(
-        robot, motion, noise=PAPER_NOISE, hide=hide, parameters=bare, rng=np.random.default_rng(3)
-    )
+    log = shipped_log(robot, motion, 250, noise=PAPER_NOISE, hide=hide, parameters=bare, seed=3)
     effects = [*BASIC, what] if hide else BASIC
     if what == "pruned":
         start = LadderEntry(models=[ModelEntry(name="full", effects=BASIC)])
@@ -64,10 +64,10 @@ def fit(name, what):
     "name, what",
     [pytest.param(*c, marks=() if c in SAMPLE else pytest.mark.everything) for c in CASES],
 )
-def test_other_engines_find_the_stated_errors(name, what, replayed, tmp_path):
+def test_other_engines_find_the_stated_errors(name, what, tmp_path):
     robot = Robot.load(name)
     result, log = fit(name, what)
-    found = replayed(robot, result, log, tmp_path)
+    found = replay(robot, result, log, tmp_path)
     assert found.mujoco == pytest.approx(found.stated["error_ra_file"], rel=ROUNDING)
     if what not in ("joint_stiffness", "free_spring"):  # Pinocchio knows no springs
         assert found.pinocchio == pytest.approx(found.stated["error_ra_file"], rel=ROUNDING)
@@ -78,9 +78,9 @@ def test_other_engines_find_the_stated_errors(name, what, replayed, tmp_path):
             assert [found.robot.nominal[f"{joint}.{kind}"] for kind in kinds] == [0.0] * 4
 
 
-def test_an_effect_with_a_shape_comes_back_and_has_one_article_in_a_statement(replayed, tmp_path):
+def test_an_effect_with_a_shape_comes_back_and_has_one_article_in_a_statement(tmp_path):
     result, log = fit("two-link", "stribeck_friction@*:0.4,2")
-    found = replayed(result.robot, result, log, tmp_path)
+    found = replay(result.robot, result, log, tmp_path)
     assert found.whole == pytest.approx(found.stated["error_ra"], rel=ROUNDING)
     parameters = result.to_dict()["physical"]["parameters"]
     assert found.robot.nominal["elbow.Fs"] == parameters["elbow.Fs"] > 0

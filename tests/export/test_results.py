@@ -2,23 +2,22 @@
 
 import json
 
-import numpy as np
 import pytest
 
-from identifiability import Noise, Robot, analyze, diagnose, export, simulate
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability import Noise, Robot, analyze, diagnose, export
+
+from ..conftest import shipped_log
+from .conftest import replay
 
 QUIET = Noise(torque=0.02)
 
 
 def make_log(name, trajectory, hide, seed=0):
-    robot = Robot.load(name)
-    motion = PrescribedMotion.of(shipped_trajectory(robot, trajectory), 400)
-    return simulate(robot, motion, noise=QUIET, hide=hide, rng=np.random.default_rng(seed))
+    return shipped_log(Robot.load(name), trajectory, 400, noise=QUIET, hide=hide, seed=seed)
 
 
 @pytest.mark.parametrize("fixed", [False, True])
-def test_a_diagnosis_is_exported_with_what_it_named(fixed, replayed, tmp_path):
+def test_a_diagnosis_is_exported_with_what_it_named(fixed, tmp_path):
     hide = ["stribeck_friction@elbow=0.3"]
     logs = [make_log("two-link", trajectory, hide, k) for k, trajectory in enumerate("ab")]
     found = diagnose(
@@ -26,7 +25,7 @@ def test_a_diagnosis_is_exported_with_what_it_named(fixed, replayed, tmp_path):
         forward=False,
     )  # fmt: skip
     assert "elbow" in found.effects[0].joints
-    again = replayed(found.robot, found, found.samples[0], tmp_path)
+    again = replay(found.robot, found, found.samples[0], tmp_path)
     assert again.stated["error_ra"] < 0.9 * again.stated["error_ra_file"]
     assert again.mujoco == pytest.approx(again.stated["error_ra_file"], rel=1e-4)
     assert again.whole == pytest.approx(again.stated["error_ra"], rel=1e-4)

@@ -11,6 +11,8 @@ from identifiability import Robot, simulate
 from identifiability.simulation import PrescribedMotion
 from identifiability.workflows.export import write_parameters
 
+from ..conftest import write_robot
+
 TRANSMISSION = """<transmission name="t{0}"><joint name="{0}">
   <hardwareInterface>a</hardwareInterface><hardwareInterface>b</hardwareInterface></joint>
   </transmission>"""
@@ -25,10 +27,7 @@ def ros_arm(folder):
     top = ET.fromstring(text)
     joint = next(j for j in top.findall("joint") if j.get("name") == "joint_3")
     ET.SubElement(joint, "origin", xyz="9 9 9", rpy="1 1 1")
-    path = folder / "arm.urdf"
-    path.write_text(ET.tostring(top, encoding="unicode"))
-    path.with_suffix(".toml").write_text(arm.sidecar.read_text())
-    return Robot.load(path)
+    return write_robot(folder, ET.tostring(top, "unicode"), "urdf", arm.sidecar.read_text())
 
 
 def test_friction_is_written_to_the_joint_and_not_to_its_transmission(tmp_path):

@@ -49,16 +49,13 @@ def torque_of(robot, values):
 
 
 @pytest.fixture
-def given(tmp_path):
+def given(load_text):
     """A function (name) -> robot with a known torque in its sidecar."""
 
     def load(name):
         shipped = Robot.load(name)
-        path = tmp_path / f"{name}.xml"
-        path.write_text(shipped.path.read_text())
         known = KNOWN.format(shipped.passive[0] if shipped.passive else "elbow")
-        path.with_suffix(".toml").write_text(shipped.sidecar.read_text() + known)
-        return Robot.load(path)
+        return load_text(shipped.path.read_text(), sidecar=shipped.sidecar.read_text() + known)
 
     return load
 

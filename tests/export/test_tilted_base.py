@@ -5,15 +5,16 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
-from identifiability import Model, Noise, Robot, analyze, diagnose, export, simulate
+from identifiability import Model, Noise, Robot, analyze, diagnose, export
 from identifiability.effects.base import horizontal_axes, tilt_text
 from identifiability.effects.nominal import rigid_torque
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import turn
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot
 from identifiability.workflows.export.workflow import write_parameters
+
+from ..conftest import shipped_log
 
 ANGLES = (1.0, 30.0, 90.0, 180.0)
 
@@ -61,10 +62,9 @@ def test_a_small_tilt_among_the_values_is_gravity_in_the_file(tmp_path, two_link
 
 
 @pytest.mark.parametrize("ending", [".xml", ".urdf"])
-def test_a_joint_may_have_the_name_of_the_base_or_of_a_body(ending, tmp_path):
+def test_a_joint_may_have_the_name_of_the_base_or_of_a_body(ending, load_text, tmp_path):
     text = Robot.load("six-dof-arm").path.read_text()
-    (tmp_path / "arm.urdf").write_text(text.replace("joint_1", "base").replace("joint_2", "link_3"))
-    robot = Robot.load(tmp_path / "arm.urdf")
+    robot = load_text(text.replace("joint_1", "base").replace("joint_2", "link_3"), "urdf")
     written = write_parameters(robot, {**robot.nominal, "link_3.Fv": 3.0}, tmp_path / f"c{ending}")
     again = Robot.load(written.robot).nominal
     kept = {n: x for n, x in robot.nominal.items() if n[-2:] not in ("Ia", "Fv", "Fc")}
@@ -73,11 +73,9 @@ def test_a_joint_may_have_the_name_of_the_base_or_of_a_body(ending, tmp_path):
     )
 
 
-def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(tmp_path):
+def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(load_text, tmp_path):
     text = Robot.load("two-link").path.read_text()
-    text = text.replace("<worldbody", '<option gravity="9.81 0 0"/><worldbody', 1)
-    (tmp_path / "wall.xml").write_text(text)
-    robot = Robot.load(tmp_path / "wall.xml")
+    robot = load_text(text.replace("<worldbody", '<option gravity="9.81 0 0"/><worldbody', 1))
     motion = random_motion(robot, default_rng(0), 10)
     copy = Robot.load(write_parameters(robot, {}, tmp_path / "copy.urdf").robot)
     assert_allclose(torque_of(copy, motion), rigid_torque(robot, motion), atol=1e-9)
@@ -88,9 +86,8 @@ def on_a_wall():
     """Logs of an arm that hangs on a wall, of which the file says that it stands."""
     robot = Robot.load("six-dof-arm")
     turned = robot.turned(np.array([0.0, 1.0, 0.0]))
-    moves = [PrescribedMotion.of(shipped_trajectory(robot, m), 400) for m in "ab"]
     noise = Noise(additive=0.02)
-    return robot, [simulate(turned, m, noise=noise, seed=k) for k, m in enumerate(moves)]
+    return robot, [shipped_log(turned, m, 400, noise=noise, seed=k) for k, m in enumerate("ab")]
 
 
 def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):

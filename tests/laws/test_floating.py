@@ -9,9 +9,11 @@ from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from identifiability import Model, Robot, find_base_parameters
+from identifiability import Model, find_base_parameters
 from identifiability.robot import complete_motion
 from identifiability.robot.floating import BASE_JOINTS, base_acceleration
+
+from ..roads import nominal_torque
 
 RIGID = Model.of("rigid_body")
 
@@ -57,13 +59,6 @@ ARM = limb("arm", "0 0 .1", (YAW, KNEE, KNEE))
 ROBOTS = {"quadruped": QUADRUPED, "humanoid": HUMANOID, "arm on a cart": ARM, "free body": ""}
 
 
-def load(tmp_path, text, extra=""):
-    path = tmp_path / "robot.xml"
-    path.write_text(text)
-    path.with_suffix(".toml").write_text(extra)
-    return Robot.load(path)
-
-
 def states(m, rng, count=25):
     """Random states of a free body and its joints: as MuJoCo has them, and as they are here."""
     n = m.nv - 6
@@ -89,14 +84,13 @@ def bare(text):
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_the_regressor_is_inverse_dynamics_of_mujoco(name, tmp_path):
+def test_the_regressor_is_inverse_dynamics_of_mujoco(name, load_text):
     text = machine(ROBOTS[name])
-    robot = load(tmp_path, text)
+    robot = load_text(text)
     m = bare(text)
     data = mujoco.MjData(m)
     (q, v, a), ours, turn = states(m, default_rng(1))
-    W = RIGID.regressor(robot, complete_motion(robot, np.arange(25.0), *ours))
-    found = W @ np.array([robot.nominal[p.name] for p in RIGID.parameters(robot)])
+    found = nominal_torque(robot, complete_motion(robot, np.arange(25.0), *ours), RIGID.names)
     other = np.empty_like(found)
     for k in range(25):
         data.qpos[:], data.qvel[:], data.qacc[:] = q[k], v[k], a[k]
@@ -107,10 +101,10 @@ def test_the_regressor_is_inverse_dynamics_of_mujoco(name, tmp_path):
     assert_allclose(found, other, atol=1e-12 * size)
 
 
-def test_of_a_body_that_floats_ten_parameters_are_seen_and_of_trees_the_known_groupings(tmp_path):
+def test_of_a_body_that_floats_ten_parameters_are_seen_and_of_trees_the_known_groupings(load_text):
     counts = {"free body": 10, "arm on a cart": 10 + 3 * 7, "quadruped": 94, "humanoid": 136}
     for name, count in counts.items():
-        robot = load(tmp_path, machine(ROBOTS[name]))
+        robot = load_text(machine(ROBOTS[name]))
         base = find_base_parameters(robot, RIGID)
         assert len(base) == count == 10 + 7 * len(robot.motor_joints)
         assert {f"trunk.{k}" for k in ("m", "mx", "Ixy")} <= {p.name for p in base.parameters}
@@ -131,10 +125,10 @@ LEFT = {"one foot": 15, "trot": 12, "four feet": 6, "a sole": 12 + 6, "a cart": 
 
 
 @pytest.mark.parametrize("case", CONTACTS)
-def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_lost(case, tmp_path):
+def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_lost(case, load_text):
     name, extra = CONTACTS[case]
     text = machine(ROBOTS[name])
-    robot = load(tmp_path, text, extra)
+    robot = load_text(text, sidecar=extra)
     m = bare(text)
     data = mujoco.MjData(m)
     rng = default_rng(2)
@@ -165,28 +159,28 @@ def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_los
     assert_allclose(model.regressor(robot, motion), motion.freed(W), atol=1e-9)
 
 
-def test_rows_change_as_little_as_the_motion_does(tmp_path):
-    robot = load(tmp_path, machine(HUMANOID), CONTACTS["a heel of six joints"][1])
+def test_rows_change_as_little_as_the_motion_does(load_text):
+    robot = load_text(machine(HUMANOID), sidecar=CONTACTS["a heel of six joints"][1])
     s = np.linspace(0, 1, 400)[:, None]
     q = np.hstack([np.zeros((400, 6)), np.sin(2 * s + default_rng(3).uniform(0, 6, 18))])
     free = complete_motion(robot, s[:, 0], q, 0 * q, 0 * q).free
     assert np.abs(np.diff(free, axis=0)).max() < 0.05
 
 
-def test_what_a_sidecar_says_of_contacts_is_checked(tmp_path, rejected):
+def test_what_a_sidecar_says_of_contacts_is_checked(load_text, rejected):
     text = machine(QUADRUPED)
     with rejected(r"names 'leg0_fot', .* did you mean 'leg0_foot'"):
-        load(tmp_path, text, "[[contacts]]\nframe = 'leg0_fot'")
+        load_text(text, sidecar="[[contacts]]\nframe = 'leg0_fot'")
     with rejected("no free joint, and its sidecar"):
-        load(tmp_path, machine(QUADRUPED, base=""), 'base = "floating"')
-    fixed = load(tmp_path, text, 'base = "fixed"\n[[contacts]]\nframe = "leg0_foot"')
+        load_text(machine(QUADRUPED, base=""), sidecar='base = "floating"')
+    fixed = load_text(text, sidecar='base = "fixed"\n[[contacts]]\nframe = "leg0_foot"')
     assert len(fixed.joints) == 12
     assert fixed.base is None
 
 
-def test_what_floats_beside_a_robot_is_left_out_and_two_robots_are_refused(tmp_path, rejected):
+def test_what_floats_beside_a_robot_is_left_out_and_two_robots_are_refused(load_text, rejected):
     ball = '<body name="ball"><freejoint/><geom size=".1" mass="1"/></body>'
-    robot = load(tmp_path, machine(ARM, objects=ball))
+    robot = load_text(machine(ARM, objects=ball))
     assert robot.outside == ("ball",)
     assert robot.joints == (*BASE_JOINTS, "arm_j0", "arm_j1", "arm_j2")
     other = (
@@ -195,4 +189,4 @@ def test_what_floats_beside_a_robot_is_left_out_and_two_robots_are_refused(tmp_p
     )
     text = machine(ARM, objects=other).replace("</actuator>", '<motor joint="flap"/></actuator>')
     with rejected("drone, trunk float"):
-        load(tmp_path, text)
+        load_text(text)

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability.robot import complete_motion
 from identifiability.workflows.excite.limits import Workspace, find_limits, survey
 
-
-def still(robot, q):
-    zero = np.zeros_like(q)
-    return complete_motion(robot, np.arange(len(q)) * 0.01, q, zero, zero)
+from ..roads import still
 
 
 def test_a_far_sample_in_a_crowd_has_the_assembly_that_it_has_alone(five_bar):

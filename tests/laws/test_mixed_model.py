@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal, norm
 
-from identifiability import Log, Robot, prepare_log, simulate
+from identifiability import Log, Robot, prepare_log
 from identifiability.effects import find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import Missing, with_reversals
@@ -28,9 +28,10 @@ from identifiability.estimation.search import find_missing
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import Servo
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.analyze.workflow import say_delays
+
+from ..conftest import shipped_log
 
 N, FIXED, RANDOM = 60, 3, 5
 PACF, SIGMA = (np.array([0.6]), np.array([0.5, -0.3])), (0.7, 1.3)
@@ -195,8 +196,7 @@ def test_a_function_of_two_effects_gives_way_to_both(rows):
 @pytest.fixture(scope="module")
 def arm():
     robot = Robot.load("two-link")
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 900)
-    frame = simulate(robot, motion).to_frame()
+    frame = shipped_log(robot, "a", 900).to_frame()
     structure = Structure.of(robot, ladder_model(default_ladder(robot)))
     return robot, frame, structure
 

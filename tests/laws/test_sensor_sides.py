@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from identifiability import Robot, analyze, export
-from identifiability.foundation.errors import LogError
 from identifiability.simulation.mujoco_robot import MujocoRobot
 
 from ..roads import waves
@@ -20,14 +19,8 @@ DRIVE = {"Ia": 0.6, "Fv": 2.0, "Fc": 3.0}
 
 
 @pytest.fixture
-def make(tmp_path):
-    def made(armature="", side=""):
-        path = tmp_path / "arm.xml"
-        path.write_text(ARM.replace("ARMATURE", armature))
-        path.with_suffix(".toml").write_text(side)
-        return Robot.load(path)
-
-    return made
+def make(load_text):
+    return lambda armature="", side="": load_text(ARM.replace("ARMATURE", armature), sidecar=side)
 
 
 def move(make, rng):
@@ -86,7 +79,7 @@ def test_both_sensors_determine_bodies_and_drives(make, logs):
     assert found["upper.Iyy"].estimate == pytest.approx(0.05 + 2 * 0.3**2 + 0.5**2, rel=0.02)
 
 
-def test_a_log_with_torque_of_both_sides_is_refused_with_the_setting_that_reads_it(make):
+def test_a_log_with_torque_of_both_sides_is_refused_with_the_setting_that_reads_it(make, rejected):
     names = [
         "t",
         "a.q",
@@ -96,5 +89,5 @@ def test_a_log_with_torque_of_both_sides_is_refused_with_the_setting_that_reads_
         "link_torque_a",
         "link_torque_b",
     ]
-    with pytest.raises(LogError, match=r"both sides of a gear\. Say side = \"both\""):
+    with rejected(r"both sides of a gear\. Say side = \"both\""):
         analyze(make(), pd.DataFrame(np.tile(np.arange(50.0)[:, None], 7), columns=names))

@@ -22,15 +22,10 @@ def record(name, seed=1, samples=600):
     return Structure.of(robot, MODEL), replace(log, dq=None, ddq=None)
 
 
-@pytest.fixture(scope="session")
-def say():
-    """A function (structure, log) -> what is odd about it."""
-
-    def look(structure, log):
-        logs = MeasuredLogs(structure, (log,), (prepare_log(structure.robot, log),))
-        return find_oddities(logs).hints
-
-    return look
+def say(structure, log):
+    """Return what is odd about a log."""
+    logs = MeasuredLogs(structure, (log,), (prepare_log(structure.robot, log),))
+    return find_oddities(logs).hints
 
 
 @pytest.fixture(scope="session", params=["two-link", "3-rps", "six-dof-arm"])

@@ -9,7 +9,7 @@ import pytest
 
 from identifiability import Robot, analyze
 
-from .conftest import record
+from .conftest import record, say
 
 
 def log_motors(columns, signs):
@@ -29,7 +29,7 @@ def log_motors(columns, signs):
         ([1, 0], [1, 1], ("left and right seem to be exchanged",)),
     ],
 )
-def test_columns_of_coupled_motors(columns, signs, said, say):
+def test_columns_of_coupled_motors(columns, signs, said):
     structure, spoilt = log_motors(columns, signs)
     hints = [x for x in say(structure, spoilt) if x.key == "motor"]
     assert len(hints) == len(said)

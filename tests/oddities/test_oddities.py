@@ -11,15 +11,15 @@ from identifiability.quality.hints import measure_legs
 from identifiability.quality.registry import CHECKS, Does, check
 from identifiability.regression.structure import Structure
 
-from .conftest import MODEL, record
+from .conftest import MODEL, record, say
 
 
-def test_a_good_log_is_not_spoken_of(say, good):
+def test_a_good_log_is_not_spoken_of(good):
     assert say(*good) == ()
 
 
 @pytest.mark.parametrize("factor", [1000.0, 1e-3, 0.02])
-def test_torque_in_another_unit(say, good, factor):
+def test_torque_in_another_unit(good, factor):
     structure, log = good
     (hint,) = say(structure, replace(log, tau=factor * log.tau))
     assert "the torque that the robot file predicts" in hint
@@ -29,7 +29,7 @@ def test_torque_in_another_unit(say, good, factor):
     assert say(Structure.of(guess, MODEL), replace(log, tau=factor * log.tau)) == ()
 
 
-def test_lengths_of_legs_that_are_drawn_at_zero(say, tmp_path):
+def test_lengths_of_legs_that_are_drawn_at_zero(tmp_path):
     """Legs of twice the length fit nearly as well, with other masses."""
     structure, log = record("3-rps")
     drawn = structure.robot.path.read_text(encoding="utf-8")
@@ -81,7 +81,7 @@ def test_a_check_of_ones_own_is_one_function(six_axis):
     assert [c.key for c in CHECKS] == keys
 
 
-def test_whole_turns_are_no_other_zero(say, six_axis):
+def test_whole_turns_are_no_other_zero(six_axis):
     structure, log = six_axis
     turns = 2 * np.pi * np.array([0, 0, 0, 1, -3, 2])
     assert say(structure, replace(log, q=log.q + turns)) == ()
@@ -104,7 +104,7 @@ def test_torque_that_stops_at_its_limit_is_said(simulated):
     assert not any("extreme" in x for x in analyze("two-link", log, replicates=0).hints)
 
 
-def test_drives_that_are_off_while_the_robot_moves_are_said(say, good):
+def test_drives_that_are_off_while_the_robot_moves_are_said(good):
     structure, log = good
     on = np.arange(len(log.t)) < 0.8 * len(log.t)
     (hint,) = say(structure, replace(log, tau=log.tau * np.where(on, 1.0, 1e-3)[:, None]))

@@ -4,9 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import Log, Robot, analyze
+from identifiability import Log, analyze
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
+
+from ..conftest import write_robot
 
 LINK = """<mujoco model="pendulum"><compiler angle="radian"/><worldbody><body name="link">
 <joint name="hinge" axis="0 1 0" range="-3 3" armature=".2"/>
@@ -45,9 +47,7 @@ def sticking_log(seed):
 
 @pytest.fixture(scope="module")
 def link(tmp_path_factory):
-    path = tmp_path_factory.mktemp("link") / "link.xml"
-    path.write_text(LINK)
-    return Robot.load(path)
+    return write_robot(tmp_path_factory.mktemp("link"), LINK)
 
 
 def test_friction_that_sticks_is_no_error_of_clocks_and_values_hold(link):

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from identifiability import Robot, analyze, simulate
+from identifiability import Robot, analyze
 from identifiability.physical.feasibility import certify_model
 from identifiability.physical.fitted_model import FittedModel
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
+
+from ..conftest import shipped_log
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +20,8 @@ def arm():
 
 @pytest.fixture(scope="module")
 def exact(arm):
-    motion = PrescribedMotion.of(shipped_trajectory(arm, "a"), 400)
-    return analyze(arm, simulate(arm, motion, noise="none", derivatives=True), replicates=0)
+    log = shipped_log(arm, "a", 400, noise="none", derivatives=True)
+    return analyze(arm, log, replicates=0)
 
 
 @pytest.mark.parametrize("rotor, possible", [(-1e-14, True), (-1e-3, False)])

@@ -1,13 +1,13 @@
 """Small posteriors, and the comparison of two samplers within their Monte-Carlo error."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_array_less
 
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.posterior.target import Prior, Target
+
+from ..physical.bodies import without_bodies
 
 BODY = np.array([0.030, -0.002, 0.001, 0.028, 0.003, 0.020, 0.05, -0.04, 0.06, 1.5])
 """A real body of 1.5 kg."""
@@ -36,7 +36,7 @@ def sign_target(rng, size=6, signs=3, dof=40.0, prior_sd=1e6, **options):
     R = rng.normal(size=(size, size)) + 0.7
     truth = np.where(np.arange(size) < signs, 0.2, rng.normal(size=size))
     data = LeastSquares(R, R @ truth + rng.normal(size=size), dof, dof)
-    region = PhysicalSet(np.empty((0, 10), int), np.arange(size) < signs)
+    region = without_bodies(np.arange(size) < signs)
     prior = Prior(np.zeros(size), np.broadcast_to(np.asarray(prior_sd, float), size))
     return Target(data, prior, region, **options), np.abs(truth)
 
@@ -55,14 +55,3 @@ def body_target(rng, bodies=1, rows=6, noise=1.0, spread=1.0, **options):
 @pytest.fixture
 def rng():
     return np.random.default_rng(20240502)
-
-
-@pytest.fixture
-def posteriors():
-    """The helpers above, since test files cannot import their conftest."""
-    return SimpleNamespace(
-        sign_target=sign_target,
-        body_target=body_target,
-        standard_error=standard_error,
-        assert_same_distribution=assert_same_distribution,
-    )

@@ -4,6 +4,7 @@ from arviz_stats.base import array_stats
 from identifiability.physical.pseudo_inertia import margin
 from identifiability.posterior.exact import build_sampler
 
+from .conftest import assert_same_distribution, body_target
 from .exactly import sample_exact
 
 
@@ -19,20 +20,20 @@ def rejection(target, count, rng):
     return phi[inside], inside.mean()
 
 
-def test_one_body_agrees_with_rejection_sampling(posteriors, rng):
-    target, start = posteriors.body_target(rng, spread=0.5, variance=1.0)
+def test_one_body_agrees_with_rejection_sampling(rng):
+    target, start = body_target(rng, spread=0.5, variance=1.0)
     exact = sample_exact(target, start, 150, rng, chains=100)
     free, share = rejection(target, 400_000, rng)
     assert share < 0.3  # the cone matters
     count = len(free) // 100
     assert count > 50
     other = free[: 100 * count].reshape(100, count, -1)
-    posteriors.assert_same_distribution(exact, other)
+    assert_same_distribution(exact, other)
     assert (margin(exact[..., :10]) >= 0).all()
 
 
-def test_seven_bodies_forget_where_they_start_and_most_transitions_succeed(posteriors, rng):
-    target, start = posteriors.body_target(rng, bodies=7, rows=35)
+def test_seven_bodies_forget_where_they_start_and_most_transitions_succeed(rng):
+    target, start = body_target(rng, bodies=7, rows=35)
     sampler, centre = build_sampler(target).centred(target.to_eta(start))
     eta = sampler.disperse(centre, 64, rng)
     kept = []

@@ -5,6 +5,8 @@ from identifiability.posterior import exact
 from identifiability.posterior.diagnostics import autocorrelation_time, diagnose_convergence
 from identifiability.posterior.ensemble import Posterior, sample_posterior
 
+from .conftest import sign_target
+
 
 def test_ensembles_that_disagree_may_not_although_their_walkers_agree(rng):
     draws = rng.normal(size=(4, 16, 100, 3))
@@ -22,8 +24,8 @@ def test_few_or_short_draws_may_not(rng):
         assert part in said
 
 
-def test_an_ensemble_that_has_not_converged_is_found_out(posteriors, rng, monkeypatch):
-    target, start = posteriors.sign_target(rng, size=12)
+def test_an_ensemble_that_has_not_converged_is_found_out(rng, monkeypatch):
+    target, start = sign_target(rng, size=12)
     with monkeypatch.context() as slowed:
         slowed.setattr(exact, "TURN", (0.02, 0.03))
         slow = sample_posterior(target, start, rng, draws=60, warmup=0)

@@ -10,7 +10,9 @@ from identifiability.physical.fitted_model import PhysicalSet
 from identifiability.posterior.diagnostics import log_distances, measure_prior_sensitivity
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 
-SIGNS = PhysicalSet(np.empty((0, 10), int), np.array([True, False]))
+from ..physical.bodies import without_bodies
+
+SIGNS = without_bodies([True, False])
 
 
 def sway(draws):

@@ -6,6 +6,7 @@ from identifiability.posterior.diagnostics import diagnose_convergence
 from identifiability.posterior.ensemble import ROUND, sample_posterior
 from identifiability.posterior.rules import Thresholds
 
+from .conftest import assert_same_distribution, body_target, sign_target
 from .exactly import sample_exact
 
 
@@ -14,19 +15,19 @@ def chains(posterior):
 
 
 @pytest.mark.parametrize("kind", ["signs", "cone"])
-def test_emcee_and_the_exact_sampler_agree_and_few_chains_stand_still(kind, posteriors, rng):
-    make = {"signs": posteriors.sign_target, "cone": posteriors.body_target}[kind]
+def test_emcee_and_the_exact_sampler_agree_and_few_chains_stand_still(kind, rng):
+    make = {"signs": sign_target, "cone": body_target}[kind]
     target, start = make(rng)
     found = sample_posterior(target, start, rng, draws=100, walkers=32)
     assert np.diff(chains(found), axis=1).any(axis=2).mean() > 0.9
     assert found.draws.shape == (4, 32, 100, target.size)
     assert target.region.contains(found.draws).all()
     other = sample_exact(target, start, 100, rng, chains=128)
-    posteriors.assert_same_distribution(chains(found), other)
+    assert_same_distribution(chains(found), other)
 
 
-def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(posteriors, rng):
-    target, start = posteriors.sign_target(rng)
+def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(rng):
+    target, start = sign_target(rng)
     runs = []
     for seed in (1, 1, 2):
         np.random.seed(seed + 40 * len(runs))  # noqa: NPY002 - must not matter
@@ -38,8 +39,8 @@ def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(
     assert (runs[0] != runs[2]).any()
 
 
-def test_sampling_ends_when_it_is_enough_or_when_the_budget_is_used_up(posteriors, rng):
-    target, start = posteriors.sign_target(rng)
+def test_sampling_ends_when_it_is_enough_or_when_the_budget_is_used_up(rng):
+    target, start = sign_target(rng)
     asked = []
 
     def enough(found):

@@ -3,22 +3,24 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
+from identifiability.physical.fitted_model import LeastSquares
 from identifiability.posterior.exact import build_sampler, interior
 from identifiability.posterior.target import Prior, Target
 
+from ..physical.bodies import without_bodies
+from .conftest import assert_same_distribution, body_target
 from .exactly import sample_exact
 
 
 def free_target(rng, dof=12.0, **options):
     R = rng.normal(size=(5, 5)) + np.eye(5)
     data = LeastSquares(R, R @ rng.normal(size=5), 1.7 * dof, dof)
-    region = PhysicalSet(np.empty((0, 10), int), np.zeros(5, bool))
+    region = without_bodies(np.zeros(5, bool))
     wide = Prior(np.zeros(5), np.full(5, 1e6))
     return Target(data, options.pop("prior", wide), region, **options)
 
 
-def test_without_constraints_and_prior_it_is_the_textbook_student_t(posteriors, rng):
+def test_without_constraints_and_prior_it_is_the_textbook_student_t(rng):
     target = free_target(rng, dof=25.0)
     best = np.linalg.solve(target.data.R, target.data.z)
     nu = target.data.dof
@@ -30,7 +32,7 @@ def test_without_constraints_and_prior_it_is_the_textbook_student_t(posteriors, 
         assert stats.kstest(t[:, -1, j], stats.t(nu).cdf).pvalue > 1e-3
     expected = rng.multivariate_normal(np.zeros(5), scale, (200, 100))
     expected *= np.sqrt(nu / rng.chisquare(nu, (200, 100, 1)))
-    posteriors.assert_same_distribution(draws, best + expected)
+    assert_same_distribution(draws, best + expected)
 
 
 @pytest.mark.parametrize("variance", [None, 2.0])
@@ -46,14 +48,14 @@ def test_the_density_is_likelihood_times_prior(variance, rng):
     assert_allclose(found - found[0], expected - expected[0], rtol=1e-9, atol=1e-9)
 
 
-def test_what_the_data_do_not_see_keeps_its_prior(posteriors, rng):
+def test_what_the_data_do_not_see_keeps_its_prior(rng):
     R = np.array([[1.0, 1.0, 0.0]])
     data = LeastSquares(R, np.array([2.0]), 20.0, 20.0)
-    region = PhysicalSet(np.empty((0, 10), int), np.zeros(3, bool))
+    region = without_bodies(np.zeros(3, bool))
     prior = Prior(np.array([0.0, 0.0, 5.0]), np.array([10.0, 10.0, 2.0]))
     draws = sample_exact(Target(data, prior, region), prior.mean, 200, rng, chains=100)
     expected = rng.normal(5.0, 2.0, (100, 200, 1))
-    posteriors.assert_same_distribution(draws[..., 2:], expected)
+    assert_same_distribution(draws[..., 2:], expected)
     assert np.std(draws[..., 0] + draws[..., 1]) < 0.2 * np.std(draws[..., 0])
 
 
@@ -63,8 +65,8 @@ def test_a_prior_around_a_rod_is_narrow_across_it():
     assert sd[6] < 0.1 * sd[8]
 
 
-def test_what_rounding_takes_outside_is_inside_and_more_is_not(posteriors, rng):
-    target, truth = posteriors.body_target(rng)
+def test_what_rounding_takes_outside_is_inside_and_more_is_not(rng):
+    target, truth = body_target(rng)
     sampler = build_sampler(target)
     edge = np.array(truth)
     edge[-1] = 0.0  # friction, which may not be negative

@@ -12,15 +12,15 @@ from ..conftest import simulated_log
 SHARE = 0.05
 
 
-def clean(name, trajectory):
+def clean(trajectory, name="two-link"):
     return simulated_log(name, trajectory, 0, Noise(), 400)
 
 
-def noisy(name, trajectory, seed, rho=0.0):
+def noisy(trajectory, seed, rho=0.0, name="two-link"):
     """A log with noise of 5 % of the torque of trajectory a, alike in all logs."""
-    log = clean(name, trajectory)
+    log = clean(trajectory, name)
     rng = np.random.default_rng(seed)
-    variance = (SHARE * clean(name, "a").tau.std(0)) ** 2
+    variance = (SHARE * clean("a", name).tau.std(0)) ** 2
     sizes = np.sqrt(variance * (1 - rho**2))
     noise = tuple(JointNoise(np.array([rho]), x) for x in sizes)
     added = log.tau + simulate_noise(noise, [(0, len(log))], rng)
@@ -29,15 +29,5 @@ def noisy(name, trajectory, seed, rho=0.0):
 
 
 @pytest.fixture(scope="session")
-def make_log():
-    return noisy
-
-
-@pytest.fixture(scope="session")
-def without_noise():
-    return clean
-
-
-@pytest.fixture(scope="session")
 def analysis():
-    return analyze("two-link", noisy("two-link", "a", 1), "none", replicates=100)
+    return analyze("two-link", noisy("a", 1), "none", replicates=100)

@@ -7,20 +7,21 @@ from identifiability import Robot, analyze
 from identifiability.estimation.prediction import measure_spread
 
 from ..marks import everything
+from .conftest import clean, noisy
 
 
 @pytest.mark.parametrize(
     "name, rho",
     [("two-link", 0.8), everything("six-dof-arm", 0.5)],
 )
-def test_intervals_of_analyze_cover_planted_torque(name, rho, make_log, without_noise):
+def test_intervals_of_analyze_cover_planted_torque(name, rho):
     mean = []
     new = []
-    truth = without_noise(name, "b").select(Robot.load(name).joints).tau
+    truth = clean("b", name).select(Robot.load(name).joints).tau
     for seed in range(20):
         # All rows are fitted: the larger error, on unseen motion, would widen intervals further.
-        found = analyze(name, make_log(name, "a", seed, rho), "none", replicates=100)
-        along = found.predict(make_log(name, "b", 100 + seed, rho))
+        found = analyze(name, noisy("a", seed, rho, name), "none", replicates=100)
+        along = found.predict(noisy("b", 100 + seed, rho, name))
         mean.append((np.abs(truth - along.predicted) <= along.mean).mean())
         new.append((np.abs(along.tau - along.predicted) <= along.low).mean())
     assert np.mean(mean) > 0.92

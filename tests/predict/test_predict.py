@@ -12,6 +12,8 @@ from identifiability import Analysis, Log, Robot, analyze, diagnose, predict, pr
 from identifiability.foundation.rounding import REACH
 from identifiability.robot.sidecar import KnownTorque
 
+from .conftest import clean, noisy
+
 
 def held_still(log, joint):
     """The log of a robot that holds one joint still."""
@@ -19,8 +21,8 @@ def held_still(log, joint):
     return Log.from_frame(log.to_frame().assign(**at), "still")
 
 
-def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis, make_log):
-    found = analysis.predict(make_log("two-link", "a", 1))
+def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis):
+    found = analysis.predict(noisy("a", 1))
     assert found.error_ra == pytest.approx(analysis.chosen.error_ra, rel=1e-9)
     frame = found.to_frame(details=True)
     frame = {name: frame[name].to_numpy() for name in frame}
@@ -35,23 +37,23 @@ def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis, make_log):
         assert f" are too {says}" in replace(found, low=times * found.low).details
 
 
-def test_written_torque_is_that_of_the_log_where_the_sidecar_states_a_spring(make_log):
+def test_written_torque_is_that_of_the_log_where_the_sidecar_states_a_spring():
     spring = KnownTorque(along="elbow", polynomial=[3.0, 1.0])
     robot = replace(Robot.load("two-link"), known_torque=(spring,))
-    log = make_log("two-link", "a", 1)
+    log = noisy("a", 1)
     raw = analyze(robot, log, quick=True).predict(log).as_logged.raw
     assert_allclose(raw, log.tau, atol=1e-9)
 
 
-def verbs(make_log):
-    logs = [make_log("two-link", "a", 1), make_log("two-link", "b", 2)]
+def verbs():
+    logs = [noisy("a", 1), noisy("b", 2)]
     yield prune("two-link", *logs, replicates=4)
     yield diagnose("two-link", *logs, quick=True, forward=False)
     yield diagnose("two-link", *logs, quick=True, forward=False, fixed=True)
 
 
-def test_a_prediction_says_which_effect_its_fit_lacks_and_how_to_find_it(analysis, make_log):
-    found = analysis.predict(make_log("two-link", "b", 7))
+def test_a_prediction_says_which_effect_its_fit_lacks_and_how_to_find_it(analysis):
+    found = analysis.predict(noisy("b", 7))
     found = replace(found, fit=replace(found.fit, missing=("Stribeck friction in elbow",)))
     assert "With care: the model lacks Stribeck friction in elbow." in found.statement
     assert "diagnose(" in found.next()[0][1]
@@ -61,10 +63,10 @@ def test_a_prediction_says_which_effect_its_fit_lacks_and_how_to_find_it(analysi
     assert "(in Python; `robot` is" in told
 
 
-def test_what_is_read_back_predicts_the_same(analysis, make_log, tmp_path):
-    log = make_log("two-link", "b", 7)
+def test_what_is_read_back_predicts_the_same(analysis, tmp_path):
+    log = noisy("b", 7)
     path = tmp_path / "result.json"
-    for result in (analysis, *verbs(make_log)):
+    for result in (analysis, *verbs()):
         result.to_json(path)
         kept = type(result).from_json(path, "two-link")
         assert kept.names == result.fit.names
@@ -77,23 +79,23 @@ def test_what_is_read_back_predicts_the_same(analysis, make_log, tmp_path):
             assert getattr(after, what) == pytest.approx(getattr(before, what), rel=0.01)
 
 
-def test_torque_is_told_apart_low_passed_and_raw(make_log):
+def test_torque_is_told_apart_low_passed_and_raw():
     def positions(log):
         kept = [c for c in log.to_frame() if not c.endswith(("dq", "ddq"))]
         return Log.from_frame(log.to_frame()[kept], log.name)
 
-    result = analyze("two-link", positions(make_log("two-link", "a", 1)), replicates=20)
-    found = result.predict(positions(make_log("two-link", "b", 2)))
+    result = analyze("two-link", positions(noisy("a", 1)), replicates=20)
+    found = result.predict(positions(noisy("b", 2)))
     assert result.fit.preparation.cutoff == result.samples[0].cutoff
     assert found.error_ra < found.error_ra_raw
     assert (found.low < found.new).all()
     assert "(no low-pass filter)" in found.details
 
 
-def test_what_the_fitted_motion_never_showed_is_not_predicted(make_log):
-    log = make_log("two-link", "a", 1)
+def test_what_the_fitted_motion_never_showed_is_not_predicted():
+    log = noisy("a", 1)
     result = analyze("two-link", held_still(log, "elbow"), replicates=20)
-    same = result.predict(held_still(make_log("two-link", "a", 5), "elbow"))
+    same = result.predict(held_still(noisy("a", 5), "elbow"))
     assert np.isfinite(same.mean[:, 0]).all()
     assert np.isinf(same.mean[:, 1]).all()  # dry friction held it: that torque was no data
     found = result.predict(log)
@@ -101,8 +103,8 @@ def test_what_the_fitted_motion_never_showed_is_not_predicted(make_log):
     assert "never showed" in found.details
 
 
-def test_a_load_is_seen_and_said(analysis, make_log):
-    log = make_log("two-link", "b", 3)
+def test_a_load_is_seen_and_said(analysis):
+    log = noisy("b", 3)
     heavy = log.to_frame()
     heavy["elbow.tau"] += 3 * heavy["elbow.tau"].std()
     found = analysis.predict(Log.from_frame(heavy, "heavy"))
@@ -115,11 +117,11 @@ def told(succeeds):
     return lambda *words: " ".join(succeeds("predict", "two-link", *words).output.split())
 
 
-def test_the_command_takes_columns_by_any_name_and_motion_alone(analysis, make_log, told, tmp_path):
+def test_the_command_takes_columns_by_any_name_and_motion_alone(analysis, told, tmp_path):
     """Torque that a rule names is torque; a plan goes round, and every round is predicted."""
     result, log, out = (tmp_path / name for name in ("result.json", "log.csv", "torque.csv"))
     analysis.to_json(result)
-    frame = make_log("two-link", "b", 2).to_frame()
+    frame = noisy("b", 2).to_frame()
     kept = [c for c in frame if not c.endswith("dq")]
     motors = {"shoulder.tau": "m1", "elbow.tau": "m2"}
     frame[kept].rename(columns=motors).to_csv(log, index=False)
@@ -137,12 +139,12 @@ def test_the_command_takes_columns_by_any_name_and_motion_alone(analysis, make_l
     assert pd.read_csv(out).t.max() > 11
 
 
-def test_the_command_writes_tables_and_a_page(analysis, make_log, told, tmp_path):
+def test_the_command_writes_tables_and_a_page(analysis, told, tmp_path):
     result = tmp_path / "result.json"
     log = tmp_path / "b.csv"
     analysis.to_json(result)
-    make_log("two-link", "b", 2).write(log)
-    make_log("two-link", "a", 3).write(tmp_path / "c.csv")
+    noisy("b", 2).write(log)
+    noisy("a", 3).write(tmp_path / "c.csv")
     for name in ("torque.csv", "torque.parquet"):
         words = ["-v", result, log, tmp_path / "c.csv", "--out", tmp_path / name]
         page = ["--report", tmp_path / "page.html", "--json", tmp_path / "errors.json"]
@@ -173,9 +175,9 @@ def test_what_cannot_be_read_back_is_refused_by_name(analysis, tmp_path, change,
         Analysis.from_json(path, "two-link")
 
 
-def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path, rejected):
+def test_motion_alone_is_enough_to_predict_torque(analysis, tmp_path, rejected):
     """Whatever its columns are called; the same prediction, and nothing said of an error."""
-    log = make_log("two-link", "b", 3)
+    log = noisy("b", 3)
     joints = analysis.robot.joints
     bare = log.to_frame()[["t", *(f"{j}.q" for j in joints)]]
     frame = bare.assign(**{f"{j}.tau": log.tau[:, k] for k, j in enumerate(joints)})
@@ -210,9 +212,9 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path, 
     assert not half.known[:, 0].any()
 
 
-def test_torque_moves_the_robot_as_it_moved(without_noise):
+def test_torque_moves_the_robot_as_it_moved():
     right = Robot.load("two-link")
-    log = without_noise("two-link", "a")
+    log = clean("a")
     name = f"{right.bodies[-1]}.m"
     heavy = right.with_values({name: 1.2 * right.nominal[name]})
     found = predict(right, heavy, log, forward=True)

@@ -55,16 +55,16 @@ def test_a_closed_chain_is_drawn_with_plates_cylinders_and_closed_loops():
     assert np.linalg.norm(apart, axis=-1).min(axis=1).max() < 0.1
 
 
-def test_a_slide_on_the_ground_is_a_rail_on_two_posts(tmp_path):
-    path = tmp_path / "gantry.urdf"
-    path.write_text(
+def test_a_slide_on_the_ground_is_a_rail_on_two_posts(load_text):
+    robot = load_text(
         """<robot name="gantry"><link name="a"/><link name="b"><inertial><mass value="1"/>
         <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
         <joint name="x" type="prismatic"><axis xyz="1 0 0"/><origin xyz="0 0 1"/>
-        <parent link="a"/><child link="b"/><limit effort="9" velocity="1"/></joint></robot>"""
+        <parent link="a"/><child link="b"/><limit effort="9" velocity="1"/></joint></robot>""",
+        "urdf",
     )
     poses = {"run": ("grey", np.linspace(0.1, 0.5, 40)[:, None])}
-    drawn = move_skeletons(Robot.load(path), np.arange(40.0), poses, lambda rows: [], "")
+    drawn = move_skeletons(robot, np.arange(40.0), poses, lambda rows: [], "")
     assert sorted(x.kind for x in drawn.shapes) == ["base", "base", "body", "rod", "rod"]
 
 

@@ -4,23 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import Robot, simulate
+from identifiability import simulate
 from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion
 
 from ..roads import in_mujoco, nominal_torque, project
-
-
-@pytest.fixture
-def load_text(tmp_path):
-    def load(text, suffix="xml", sidecar=None, lock=None):
-        path = tmp_path / f"robot.{suffix}"
-        path.write_text(text)
-        if sidecar is not None:
-            path.with_suffix(".toml").write_text(sidecar)
-        return Robot.load(path, lock=lock)
-
-    return load
 
 
 @pytest.fixture

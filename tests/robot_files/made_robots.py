@@ -72,3 +72,17 @@ LOOP_CABLE = (
     f'<tendon><fixed name="cable" {NUMBERS}><joint joint="drive" coef="1.3"/>'
     '<joint joint="heel" coef="-0.5"/><joint joint="knee" coef="0.4"/></fixed></tendon></mujoco>'
 )
+
+
+#: What a link of a URDF weighs.
+INERTIAL = (
+    '<inertial><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+
+
+def turning(inside="", head="", tail="", joint="j", mass="1"):
+    """Return an MJCF of one body that turns."""
+    inertial = f'<inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/>'
+    body = f'<body name="b"><joint name="{joint}"/>{inertial}{inside}</body>'
+    return f"<mujoco>{head}<worldbody>{body}</worldbody>{tail}</mujoco>"

@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+from .made_robots import INERTIAL, turning
+
 #: Memory [bytes] and processor time [s] of a process that has imported the library.
 MEMORY, SECONDS = 500_000_000, 20
 
@@ -47,10 +49,6 @@ for path in sorted(Path(sys.argv[1]).glob("*/robot.*")):
 print(json.dumps(said))
 """
 
-INERTIAL = (
-    '<inertial><mass value="1"/>'
-    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-)
 ATTRIBUTES = " ".join(f'a{k}="1"' for k in range(200_000))
 NAME = "n" * 4_000_000
 ASKS = '<asset><mesh name="m" builtin="{}"/></asset>'
@@ -67,13 +65,6 @@ def urdf(inside="", extra="", link="", joint="j", body="arm", robot="r"):
     )
 
 
-def mjcf(inside="", head="", tail="", joint="j"):
-    """Return an MJCF of one body that turns."""
-    inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-    body = f'<body name="b"><joint name="{joint}"/>{inertial}{inside}</body>'
-    return f"<mujoco>{head}<worldbody>{body}</worldbody>{tail}</mujoco>"
-
-
 def copies(count, inside="<body><joint/></body>"):
     return f'<replicate count="{count}">{inside}</replicate>'
 
@@ -86,51 +77,55 @@ def assets(kind, count, more=""):
 FILES = {
     "attributes of a link": (".urdf", urdf(link=ATTRIBUTES), ATTRIBUTED),
     "attributes of a look": (".urdf", urdf(f"<visual {ATTRIBUTES}/>"), ATTRIBUTED),
-    "attributes of a body": (".xml", mjcf(f"<body {ATTRIBUTES}/>"), ATTRIBUTED),
-    "copies beside blanks": (".xml", mjcf(copies(" 100000 ")), COPIES),
-    "copies after a tab": (".xml", mjcf(copies("&#9;100000")), COPIES),
-    "copies of nothing": (".xml", mjcf(copies("2000000000", "")), COPIES),
-    "copies with many digits": (".xml", mjcf(copies("9" * 5000)), LONG),
+    "attributes of a body": (".xml", turning(f"<body {ATTRIBUTES}/>"), ATTRIBUTED),
+    "copies beside blanks": (".xml", turning(copies(" 100000 ")), COPIES),
+    "copies after a tab": (".xml", turning(copies("&#9;100000")), COPIES),
+    "copies of nothing": (".xml", turning(copies("2000000000", "")), COPIES),
+    "copies with many digits": (".xml", turning(copies("9" * 5000)), LONG),
     "copies of copies": (
         ".xml",
-        mjcf(copies(" 50", copies("50 ", copies(" 50 ")))),
+        turning(copies(" 50", copies("50 ", copies(" 50 ")))),
         "has 125001 bodies that move, with fixed joints merged; robots of up to 200 are read",
     ),
-    "copies of sites": (".xml", mjcf(copies(" 20000", "<site/><site/>")), "with copies counted"),
-    "vertices of a mesh": (".xml", mjcf(head=ASKS.format('cone" params="9000000 1')), COPIES),
+    "copies of sites": (".xml", turning(copies(" 20000", "<site/><site/>")), "with copies counted"),
+    "vertices of a mesh": (".xml", turning(head=ASKS.format('cone" params="9000000 1')), COPIES),
     "cloth": (
         ".xml",
-        mjcf('<flexcomp name="f" type="box" count="500 500 500" spacing="1 1 1" radius=".01"/>'),
+        turning('<flexcomp name="f" type="box" count="500 500 500" spacing="1 1 1" radius=".01"/>'),
         "with copies counted",
     ),
     "rows of a height field": (
         ".xml",
-        mjcf(head=assets("hfield", 1, 'nrow="50000" ncol="50000" size="1 1 1 1"')),
+        turning(head=assets("hfield", 1, 'nrow="50000" ncol="50000" size="1 1 1 1"')),
         COPIES,
     ),
     "samples of a delay": (
         ".xml",
-        mjcf(tail='<actuator><motor joint="j" nsample="2000000000" delay=".1"/></actuator>'),
+        turning(tail='<actuator><motor joint="j" nsample="2000000000" delay=".1"/></actuator>'),
         COPIES,
     ),
     "activations": (
         ".xml",
-        mjcf(tail='<actuator><general joint="j" dyntype="user" actdim="900000000"/></actuator>'),
+        turning(tail='<actuator><general joint="j" dyntype="user" actdim="900000000"/></actuator>'),
         COPIES,
     ),
-    "many materials": (".xml", mjcf(head=assets("material", 9000)), "9000 parts of <asset>"),
+    "many materials": (".xml", turning(head=assets("material", 9000)), "9000 parts of <asset>"),
     "many exclusions": (
         ".xml",
-        mjcf(tail="<contact>" + '<exclude body1="b" body2="world"/>' * 9000 + "</contact>"),
+        turning(tail="<contact>" + '<exclude body1="b" body2="world"/>' * 9000 + "</contact>"),
         "9000 parts of <contact>",
     ),
-    "user data": (".xml", mjcf(head='<size nuser_body="2000000000" nuser_jnt="2000000000"/>'), ""),
-    "memory": (".xml", mjcf(head='<size memory="100G"/>'), ""),
+    "user data": (
+        ".xml",
+        turning(head='<size nuser_body="2000000000" nuser_jnt="2000000000"/>'),
+        "",
+    ),
+    "memory": (".xml", turning(head='<size memory="100G"/>'), ""),
     "name of a link": (".urdf", urdf(body=NAME), LONG),
     "name of a joint": (".urdf", urdf(joint=NAME), LONG),
     "name of blanks": (".urdf", urdf(body="n " * 2_000_000), LONG),
     "name of an element": (".urdf", urdf(f"<{NAME}/>"), LONG),
-    "name of an attribute": (".xml", mjcf(f'<body {NAME}="1"/>'), LONG),
+    "name of an attribute": (".xml", turning(f'<body {NAME}="1"/>'), LONG),
     "number of many digits": (".urdf", urdf().replace('value="1"', f'value="{"1" * 900}"'), LONG),
     "vector of many numbers": (".urdf", urdf().replace("0 1 0", "0 " * 2_000_000), LONG),
     "text": (".urdf", urdf("&amp;" * 1_800_000), ""),
@@ -161,7 +156,7 @@ FILES = {
     ),
     "document type in UTF-16": (
         ".xml",
-        f'<?xml version="1.0" encoding="utf-16"?><!DOCTYPE m [<!ENTITY a "x">]>{mjcf()}',
+        f'<?xml version="1.0" encoding="utf-16"?><!DOCTYPE m [<!ENTITY a "x">]>{turning()}',
         "declares a document type",
     ),
 }
@@ -187,21 +182,21 @@ def write_leaf(path):
     """Write a file of some thousand elements beside a path."""
     path.parent.mkdir()
     leaf = path.with_name("leaf.xml")
-    leaf.write_text(mjcf("<site/>" * 3000, joint="k"))
+    leaf.write_text(turning("<site/>" * 3000, joint="k"))
     return leaf
 
 
 def write_including(path):
     """Write a file that includes another one many times."""
     leaf = write_leaf(path)
-    path.write_text(mjcf(head=f'<include file="{leaf.name}"/>' * 90))
+    path.write_text(turning(head=f'<include file="{leaf.name}"/>' * 90))
 
 
 def write_attaching(path):
     """Write a file that attaches another one many times."""
     asset = f'<asset><model name="m" file="{write_leaf(path)}"/></asset>'
     places = "".join(f'<attach model="m" body="b" prefix="x{k}"/>' for k in range(90))
-    path.write_text(mjcf(places, head=asset))
+    path.write_text(turning(places, head=asset))
 
 
 ON_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits memory so")

@@ -15,10 +15,10 @@ from identifiability import (
     inspect,
     payload,
     prepare_log,
-    simulate,
 )
 from identifiability.robot.sidecar import KnownTorque
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
+
+from ..conftest import shipped_log, write_robot
 
 MODELS = Path(__file__).parents[2] / "models"
 CABLE = """
@@ -33,16 +33,14 @@ def with_sidecar(tmp_path, name, text, change=lambda xml: xml):
     own = next(MODELS.glob(f"{name}/robot.*ml"))
     xml = own.with_suffix(".xml")
     toml = own.with_suffix(".toml")
-    target = tmp_path / f"{name}.xml"
-    target.write_text(change(xml.read_text()))
     given = toml.read_text() if toml.exists() else ""
-    target.with_suffix(".toml").write_text(f"{given}\n{text}")
-    return Robot.load(target)
+    folder = tmp_path / name  # whose name the robot has
+    folder.mkdir(exist_ok=True)
+    return write_robot(folder, change(xml.read_text()), sidecar=f"{given}\n{text}")
 
 
 def log_of(robot, samples=200):
-    shipped = shipped_trajectory(Robot.load(robot.name), "a")
-    return simulate(robot, PrescribedMotion.of(shipped, samples))
+    return shipped_log(robot, "a", samples, like=Robot.load(robot.name))
 
 
 def test_a_table_is_read_between_its_points_as_it_says():

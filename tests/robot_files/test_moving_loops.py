@@ -9,17 +9,13 @@ from numpy.testing import assert_allclose
 
 from identifiability import Model
 from identifiability.regression.structure import find_base_parameters
-from identifiability.robot import complete_motion
 from identifiability.robot.closure import newton
 
+from ..roads import still
 from .made_loops import bennett, turntable, two_rockers
 from .made_robots import CLOSURES, parallelogram
 
 EVERY_WAY = np.array([np.pi, 0.5])
-
-
-def still(robot, q):
-    return complete_motion(robot, np.arange(len(q)) * 0.01, q, 0 * q, 0 * q)
 
 
 @pytest.mark.parametrize(

@@ -106,22 +106,19 @@ def test_fixed_joints_are_merged_before_bodies_count(load, rejected):
         load(ARM.replace("</robot>", frames(200, "continuous") + "</robot>"))
 
 
-def test_fixed_bodies_of_an_mjcf_are_merged_before_they_count(tmp_path):
-    text = locate_robot("two-link").read_text()
-    path = tmp_path / "robot.xml"
-    path.write_text(text.replace("</worldbody>", "<body/>" * 400 + "</worldbody>"))
-    assert Robot.load(path).bodies == Robot.load("two-link").bodies
+def test_fixed_bodies_of_an_mjcf_are_merged_before_they_count(load_text, two_link):
+    text = two_link.path.read_text()
+    robot = load_text(text.replace("</worldbody>", "<body/>" * 400 + "</worldbody>"))
+    assert robot.bodies == two_link.bodies
 
 
-def test_an_actuator_with_several_controls_is_read(tmp_path):
-    text = locate_robot("two-link").read_text()
+def test_an_actuator_with_several_controls_is_read(load_text, two_link):
+    text = two_link.path.read_text()
     motor = '<motor name="shoulder_motor" joint="shoulder"/>'
     assert motor in text
     several = '<dcmotor name="d" joint="shoulder" input="pos vel" motorconst="1" resistance="1"/>'
     servo = '<position joint="elbow" kp="7" ctrlrange="-2 2"/>'
-    path = tmp_path / "robot.xml"
-    path.write_text(text.replace(motor, several + servo))
-    robot = Robot.load(path)
+    robot = load_text(text.replace(motor, several + servo))
     assert robot.joints == ("shoulder", "elbow")
     assert robot.servo is None  # the shoulder's motor is none
 
@@ -160,13 +157,10 @@ def test_bodies_that_break_the_triangle_inequality_are_all_reported(load):
     assert "ixx = 0.5, iyy = 0.125, izz = 0.125 kg·m²: one principal moment is more than" in text
 
 
-def test_impossible_bodies_of_an_mjcf_are_all_listed(tmp_path, rejected):
-    text = locate_robot("two-link").read_text()
-    changed = re.sub(r'(full|diag)inertia="[^"]*"', 'diaginertia="5 1 1"', text)
-    path = tmp_path / "robot.xml"
-    path.write_text(changed)
+def test_impossible_bodies_of_an_mjcf_are_all_listed(load_text, two_link, rejected):
+    text = two_link.path.read_text()
     with rejected("states 2 bodies that cannot exist: link1 ") as error:
-        Robot.load(path)
+        load_text(re.sub(r'(full|diag)inertia="[^"]*"', 'diaginertia="5 1 1"', text))
     assert str(error.value).count("M11 = 5, M22 = 1, M33 = 1") == 2
 
 

@@ -8,9 +8,10 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import Model as Effects
 from identifiability import Robot
 from identifiability.robot import complete_motion
+
+from ..roads import RIGID, nominal_torque
 
 MASS, CENTRE, INERTIA = 1.7, (0.03, -0.05, 0.11), (0.004, 0.006, 0.005)
 
@@ -18,21 +19,6 @@ MASS, CENTRE, INERTIA = 1.7, (0.03, -0.05, 0.11), (0.004, 0.006, 0.005)
 @pytest.fixture
 def rng():
     return np.random.default_rng(18)
-
-
-def states(robot, rng, count=5):
-    """Return positions within a radian of home, velocities and accelerations."""
-    n = len(robot.joints)
-    home = robot.actuated_positions(robot.home[None])
-    return home + rng.uniform(-1, 1, (count, n)), *rng.uniform(-1, 1, (2, count, n))
-
-
-def torques(robot, q, v, a):
-    """Return the torque of a robot file's numbers by the library's own regressor."""
-    model = Effects.of("rigid_body")
-    motion = complete_motion(robot, np.arange(len(q), dtype=float), q, v, a)
-    nominal = [robot.nominal[p.name] for p in model.parameters(robot)]
-    return model.regressor(robot, motion) @ nominal
 
 
 @pytest.mark.parametrize("name", ["six-dof-arm", "two-link", "scara"])
@@ -142,7 +128,7 @@ def by_hand():
 
 
 @pytest.mark.parametrize("ending", ["", ".xml", ".urdf"])
-def test_a_robot_of_links_moves_as_pinocchio_and_mujoco_say(ending, rng, tmp_path):
+def test_a_robot_of_links_moves_as_pinocchio_and_mujoco_say(ending, rng, tmp_path, agrees):
     robot = Robot.build(links(), name="three", sidecar={"nominal": {"elbow.Fv": 0.3}})
     assert (robot.name, robot.joints) == ("three", ("shoulder", "elbow", "slide"))
     assert robot.nominal["elbow.Fv"] == 0.3
@@ -150,21 +136,13 @@ def test_a_robot_of_links_moves_as_pinocchio_and_mujoco_say(ending, rng, tmp_pat
         robot = Robot.load(robot.save(tmp_path / f"three{ending}"))
         assert robot.nominal["elbow.Fv"] == 0.3
     theirs = by_hand()
-    q, v, a = states(robot, rng)
-    ours = torques(robot, q, v, a)
+    q, v, a = rng.uniform(-1, 1, (3, 5, 3))
+    ours = nominal_torque(robot, complete_motion(robot, np.arange(5.0), q, v, a), RIGID)
     data = theirs.createData()
     want = np.array([pin.rnea(theirs, data, *row) for row in zip(q, v, a, strict=True)])
     assert_allclose(ours, want, rtol=1e-9, atol=1e-9)
     if ending == ".xml":
-        made = mujoco.MjModel.from_xml_path(str(robot.path))
-        made.opt.disableflags |= (
-            mujoco.mjtDisableBit.mjDSBL_DAMPER | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        )
-        world = mujoco.MjData(made)
-        for k in range(len(q)):
-            world.qpos, world.qvel, world.qacc = q[k], v[k], a[k]
-            mujoco.mj_inverse(made, world)
-            assert_allclose(world.qfrc_inverse, want[k], rtol=1e-9, atol=1e-9)
+        agrees(robot.path.read_text())
 
 
 def test_a_table_of_denavit_and_hartenberg_needs_no_file():

@@ -1,12 +1,12 @@
 """Tiny robots whose equations of motion are written out by hand, and a motion with a gap."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from identifiability import Model, Robot
+from identifiability import Model
 from identifiability.robot import complete_motion
+
+from ...conftest import write_robot
 
 G = 9.81
 
@@ -72,14 +72,9 @@ session_fixture = pytest.fixture(scope="session")
 @session_fixture
 def make(tmp_path_factory):
     """A function (MJCF text, sidecar text) -> Robot."""
-
-    def build(text, sidecar=""):
-        path = tmp_path_factory.mktemp("tiny") / "tiny.xml"
-        path.write_text(text)
-        path.with_suffix(".toml").write_text(sidecar)
-        return Robot.load(path)
-
-    return build
+    return lambda text, sidecar="": write_robot(
+        tmp_path_factory.mktemp("tiny"), text, sidecar=sidecar
+    )
 
 
 @session_fixture
@@ -97,12 +92,6 @@ def gear(make):
     return make(GEAR)
 
 
-@session_fixture
-def tables():
-    """The texts of the robots, for tests that change them."""
-    return SimpleNamespace(POLAR=POLAR, PAIR=PAIR, GEAR=GEAR)
-
-
 def swing(t, joints):
     """Position, velocity and acceleration (N, joints) with reversals, and standing still once."""
     w = 3.0 + np.arange(joints)
@@ -113,44 +102,33 @@ def swing(t, joints):
     return q, v, a
 
 
-@session_fixture
-def move():
-    """A function (robot, t) -> Motion; at the first sample all joints stand still."""
-
-    def along(robot, t):
-        q, v, a = swing(t, len(robot.joints))
-        v[0] = 0.0
-        return complete_motion(robot, t, q, v, a)
-
-    return along
+def move(robot, t):
+    """Return a motion; at the first sample all joints stand still."""
+    q, v, a = swing(t, len(robot.joints))
+    v[0] = 0.0
+    return complete_motion(robot, t, q, v, a)
 
 
 @pytest.fixture
-def m(polar, move, request):
+def m(polar, request):
     """The motion of the hinge and the slide at the times T of a file of tests."""
     return move(polar, request.module.T)
 
 
-@session_fixture
-def columns():
-    """A function (robot, motion, text) -> {parameter name: (unit, column (N, n))} of an effect."""
-
-    def of(robot, motion, text):
-        model = Model.of(text)
-        W = model.regressor(robot, motion)
-        parameters = model.parameters(robot)
-        assert {(p.group,) for p in parameters} == {model.names}
-        return {p.name: (p.unit, W[:, :, k]) for k, p in enumerate(parameters)}
-
-    return of
+def columns(robot, motion, text):
+    """Return {parameter name: (unit, column (N, n))} of an effect."""
+    model = Model.of(text)
+    W = model.regressor(robot, motion)
+    parameters = model.parameters(robot)
+    assert {(p.group,) for p in parameters} == {model.names}
+    return {p.name: (p.unit, W[:, :, k]) for k, p in enumerate(parameters)}
 
 
-def polar_torque(t, q, v, a):
+def polar_torque(q, v, a):
     """Torque of the hinge [N·m] and force of the slide [N] by Lagrange, for the masses of POLAR.
 
     A mass m at (x, z) of its link's frame and a moment of inertia I about its own centre.
     """
-    del t
     (th, r), (w, rate), (wd, acc) = q.T, v.T, a.T
     torque = (3 * (0.2**2 + 0.05**2) + 0.06) * wd
     torque += 3 * G * (0.2 * np.cos(th) - 0.05 * np.sin(th))
@@ -181,9 +159,3 @@ def gear_torque(q, v, a):
     turn = (2 * 0.3**2 + 0.05) * a + 2 * 0.3 * G * np.cos(q)
     follow = (1.5 * 0.5**2 + 0.04) * swing_a + 1.5 * 0.5 * G * np.cos(swing)
     return (turn + ratio * follow + lift * 4 * (rise_a + G))[:, None]
-
-
-@session_fixture
-def by_hand():
-    """The robots' torques, written out."""
-    return SimpleNamespace(polar=polar_torque, pair=pair_torque, gear=gear_torque, swing=swing)

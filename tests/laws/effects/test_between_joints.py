@@ -10,10 +10,12 @@ from identifiability.effects.measurement import nominal_torque
 from identifiability.regression.structure import Structure
 from identifiability.workflows.case import describe_completed
 
+from .conftest import columns, move
+
 T = np.linspace(0, 2.5, 80)
 
 
-def test_a_leak_is_the_torque_or_the_speed_of_the_other_joint(polar, move, columns):
+def test_a_leak_is_the_torque_or_the_speed_of_the_other_joint(polar):
     m = move(polar, T)
     tau = nominal_torque(polar, m)
     for effect, kind, source, units in (
@@ -40,7 +42,7 @@ def test_the_shape_of_a_leak_is_the_number_of_its_joint(rejected):
             Model.of(f"velocity_leak@joint_2:{number}").parameters(arm)
 
 
-def test_a_scale_is_a_share_of_the_joints_own_torque(polar, move, columns):
+def test_a_scale_is_a_share_of_the_joints_own_torque(polar):
     m = move(polar, T)
     found = columns(polar, m, "torque_scale")
     tau = nominal_torque(polar, m)
@@ -60,7 +62,7 @@ def test_a_remark_on_late_torque_states_the_fitted_delay(polar):
     assert "4.8 ms later" in describe_completed([share], polar, early)
 
 
-def test_a_clock_that_is_wrong_is_a_delay_that_cannot_be(polar, move):
+def test_a_clock_that_is_wrong_is_a_delay_that_cannot_be(polar):
     """Neither may be negative, so that one name says in which direction."""
     m = move(polar, T)
     models = Model.of("time_delay"), Model.of("clock_error")

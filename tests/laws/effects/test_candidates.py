@@ -15,6 +15,8 @@ from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.problem import ResidualRows, know_file, know_nothing
 
+from .conftest import move
+
 T = 0.01 * np.arange(300)
 
 
@@ -37,7 +39,7 @@ def test_shapes_are_shares_of_the_rms_speed_and_fractions_of_the_range(polar, m)
     assert taken == list(range(len(taken)))
 
 
-def test_families_with_parts_are_tried_part_by_part(gear, pair, move):
+def test_families_with_parts_are_tried_part_by_part(gear, pair):
     passive, _ = listed(gear, move(gear, T), "passive_joint_friction")
     assert [(c.place, c.kinds) for c in passive] == [
         ("swing", ("Fv",)), ("swing", ("Fc",)), ("rise", ("Fv",)), ("rise", ("Fc",)),
@@ -65,7 +67,7 @@ def test_what_the_model_has_is_not_tried_again_unless_its_values_are_the_files(p
     assert [c.place for c in fixed if c.family.name == "payload"] == ["sled"]
 
 
-def test_what_the_model_has_at_one_joint_is_tried_at_the_others(polar, move):
+def test_what_the_model_has_at_one_joint_is_tried_at_the_others(polar):
     """A spring of unknown rest holds a stiffness, too."""
     for text in ("joint_stiffness@lift", "free_spring@lift"):
         structure = Structure.of(polar, Model.of("rigid_body", text))
@@ -75,7 +77,7 @@ def test_what_the_model_has_at_one_joint_is_tried_at_the_others(polar, move):
         assert all(c.positive for c in found)
 
 
-def test_a_refinement_stands_where_the_model_has_what_it_refines(polar, move):
+def test_a_refinement_stands_where_the_model_has_what_it_refines(polar):
     structure = Structure.of(polar, Model.of("coulomb_friction@lift"))
     found, _ = listed(polar, move(polar, T), "stribeck_friction", present=structure.present)
     both = Structure.of(polar, Model.of("coulomb_asymmetry")).present  # has its two levels
@@ -97,7 +99,7 @@ def test_without_masses_there_is_no_load(polar, m):
     assert all("states no masses" in r.reason for r in refused)
 
 
-def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none(polar, gear, move):
+def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none(polar, gear):
     found = [c for robot in (polar, gear) for c in listed(robot, move(robot, T), fixed=True)[0]]
     positive = {c.family.name for c in found if c.positive}
     assert positive >= {
@@ -112,7 +114,7 @@ def test_what_dissipates_or_stores_has_a_sign_and_what_biases_has_none(polar, ge
     }  # fmt: skip
 
 
-def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move, rng):
+def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, rng):
     parts = [move(polar, T[:120]), move(polar, T[120:])]
     logs = [Dataset("log", m, rng.standard_normal((len(m), 2)), None, (), "") for m in parts]
     candidates, _ = listed(polar, parts[0], "encoder_bias", "joint_stiffness", "torque_offset")
@@ -136,7 +138,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move, rng):
 
 
 @pytest.mark.parametrize("factor", [1, 3])
-def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
+def test_no_stretch_of_rows_reaches_across_a_gap(polar, factor):
     kept = np.r_[0:130, 140:300]
     m = replace(move(polar, T)[kept], kept=kept)
     d = Decimation(factor) if factor > 1 else None

@@ -9,6 +9,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from identifiability import Model, find_base_parameters
 from identifiability.robot.sidecar import KnownTorque
 
+from ...roads import RIGID, nominal_torque
+from .conftest import GEAR, POLAR, columns, gear_torque, move, pair_torque, polar_torque
+
 G = 9.81
 T = np.linspace(0, 2.5, 60)
 #: The row of the motor that mixes both joints of the pair: its speed is 2 q̇_a − q̇_b.
@@ -36,7 +39,7 @@ def per_joint(kind, units, force):
     }
 
 
-def test_friction_inertia_and_offset_on_a_hinge_and_a_slide(polar, columns, m):
+def test_friction_inertia_and_offset_on_a_hinge_and_a_slide(polar, m):
     v = m.actuated_v
     a = m.actuated_a
     one = np.ones_like(v)
@@ -51,7 +54,7 @@ def test_friction_inertia_and_offset_on_a_hinge_and_a_slide(polar, columns, m):
         check(columns(polar, m, effect), per_joint(kind, units, force))
 
 
-def test_each_direction_has_a_positive_level_and_standing_still_has_none(polar, columns, m):
+def test_each_direction_has_a_positive_level_and_standing_still_has_none(polar, m):
     forward, backward = along_joints((m.actuated_v > 0) * 1.0), along_joints(
         (m.actuated_v < 0) * -1.0
     )  # fmt: skip
@@ -67,7 +70,7 @@ def test_each_direction_has_a_positive_level_and_standing_still_has_none(polar, 
         assert not W[0].any(), name  # the first sample stands still
 
 
-def test_stribeck_friction_falls_by_e_at_its_velocity(polar, columns, m):
+def test_stribeck_friction_falls_by_e_at_its_velocity(polar, m):
     v = m.actuated_v
     force = np.sign(v) * np.exp(-((v / 0.07) ** 2))
     check(columns(polar, m, "stribeck_friction@*:0.07,2"), per_joint("Fs", ("N·m", "N"), force))
@@ -78,10 +81,8 @@ def test_stribeck_friction_falls_by_e_at_its_velocity(polar, columns, m):
     check(columns(polar, m, "stribeck_friction"), per_joint("Fs", ("N·m", "N"), force))
 
 
-def test_a_spring_of_the_file_pulls_to_where_the_file_says_it_is_relaxed(
-    make, tables, move, columns
-):
-    text = tables.POLAR.replace('name="lift"', 'name="lift" stiffness="40" springref="0.5"')
+def test_a_spring_of_the_file_pulls_to_where_the_file_says_it_is_relaxed(make):
+    text = POLAR.replace('name="lift"', 'name="lift" stiffness="40" springref="0.5"')
     robot = make(text)
     m = move(robot, T)
     force = m.actuated_q - np.array([0.5, -0.15])
@@ -89,10 +90,8 @@ def test_a_spring_of_the_file_pulls_to_where_the_file_says_it_is_relaxed(
     assert robot.nominal["lift.K"] == 40.0
 
 
-def test_springs_and_rotors_of_passive_joints_are_felt_through_their_gears(
-    make, tables, move, columns
-):
-    text = tables.GEAR.replace('name="swing"', 'name="swing" stiffness="12" springref="0.2"')
+def test_springs_and_rotors_of_passive_joints_are_felt_through_their_gears(make):
+    text = GEAR.replace('name="swing"', 'name="swing" stiffness="12" springref="0.2"')
     robot = make(text.replace('name="rise" type', 'name="rise" armature="0.3" type'))
     m = move(robot, T)
     q = m.actuated_q
@@ -113,7 +112,7 @@ def test_springs_and_rotors_of_passive_joints_are_felt_through_their_gears(
     assert_allclose(found["rise.Ia"][1], rise * (rise * a + 0.4 * v**2), atol=1e-9)
 
 
-def test_ripple_starts_at_home_and_repeats_with_its_period(polar, columns, m):
+def test_ripple_starts_at_home_and_repeats_with_its_period(polar, m):
     x = m.actuated_q - np.array([0.3, -0.15])
 
     def expected(period):
@@ -129,28 +128,24 @@ def test_ripple_starts_at_home_and_repeats_with_its_period(polar, columns, m):
     assert list(columns(polar, m, "position_ripple@reach:0.08")) == ["reach.Rs", "reach.Rc"]
 
 
-def test_the_files_masses_give_the_torque_by_hand(polar, gear, pair, move, by_hand):
+def test_the_files_masses_give_the_torque_by_hand(polar, gear, pair):
     for robot, torque in (
-        (polar, lambda m: by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)),
-        (gear, lambda m: by_hand.gear(m.actuated_q, m.actuated_v, m.actuated_a)),
-        (pair, lambda m: by_hand.pair(m.actuated_q, m.actuated_a)),
+        (polar, lambda m: polar_torque(m.actuated_q, m.actuated_v, m.actuated_a)),
+        (gear, lambda m: gear_torque(m.actuated_q, m.actuated_v, m.actuated_a)),
+        (pair, lambda m: pair_torque(m.actuated_q, m.actuated_a)),
     ):
         m = move(robot, T)
-        W = Model.of("rigid_body").regressor(robot, m)
-        phi = [robot.nominal[p.name] for p in Model.of("rigid_body").parameters(robot)]
-        assert_allclose(W @ np.array(phi), torque(m), atol=1e-9)
+        assert_allclose(nominal_torque(robot, m, RIGID), torque(m), atol=1e-9)
 
 
-def test_load_dependent_friction_is_a_share_of_the_rigid_torque(
-    polar, gear, move, columns, by_hand
-):
+def test_load_dependent_friction_is_a_share_of_the_rigid_torque(polar, gear):
     """The load is of bodies and known torques: rotors and friction of the file are not in it."""
     m = move(polar, T)
-    load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)
+    load = polar_torque(m.actuated_q, m.actuated_v, m.actuated_a)
     force = np.abs(load) * np.sign(m.actuated_v)
     check(columns(polar, m, "load_dependent_friction"), per_joint("Fl", ("1", "1"), force))
     m = move(gear, T)  # what the passive bodies weigh is a load as well
-    load = by_hand.gear(m.actuated_q, m.actuated_v, m.actuated_a)
+    load = gear_torque(m.actuated_q, m.actuated_v, m.actuated_a)
     check(
         columns(gear, m, "load_dependent_friction"),
         {"turn.Fl": ("1", np.abs(load) * np.sign(m.actuated_v))},
@@ -160,7 +155,7 @@ def test_load_dependent_friction_is_a_share_of_the_rigid_torque(
     check(found, {"turn.Fl": ("1", np.abs(load + 3.0) * np.sign(m.actuated_v))})
 
 
-def test_friction_of_passive_joints_is_felt_through_their_gears(gear, move, columns):
+def test_friction_of_passive_joints_is_felt_through_their_gears(gear):
     m = move(gear, T)
     q = m.actuated_q
     v = m.actuated_v
@@ -190,9 +185,7 @@ def test_friction_of_passive_joints_is_felt_through_their_gears(gear, move, colu
         ("position_ripple", "Rs", "N·m", lambda x, v, a: np.sin(12 * x)),  # no range: π/6
     ],
 )
-def test_a_motor_that_mixes_joints_acts_along_its_own_coordinate(
-    pair, move, columns, effect, kind, unit, law
-):
+def test_a_motor_that_mixes_joints_acts_along_its_own_coordinate(pair, effect, kind, unit, law):
     """The coordinate is 2 q_a − q_b from home; its torque loads both joints by virtual work."""
     m = move(pair, T)
     home = np.array([0.2, -0.4])
@@ -206,11 +199,9 @@ def test_a_motor_that_mixes_joints_acts_along_its_own_coordinate(
     assert {n.split(".")[0] for n in found} == {"a", "b", "m2"}
 
 
-def test_the_load_of_a_mixing_motor_is_the_torque_that_it_alone_would_carry(
-    pair, move, columns, by_hand
-):
+def test_the_load_of_a_mixing_motor_is_the_torque_that_it_alone_would_carry(pair):
     m = move(pair, T)
-    load = by_hand.pair(m.actuated_q, m.actuated_a)
+    load = pair_torque(m.actuated_q, m.actuated_a)
     unit, column = columns(pair, m, "load_dependent_friction")["m2.Fl"]
     carried = np.abs(load @ MIXED) / 5.0  # |row|² = 5: of row · f exactly f is carried
     assert unit == "1"
@@ -223,9 +214,7 @@ def test_offsets_and_delays_are_at_joints_and_not_at_mixing_motors(pair):
         assert owners == ["a", "b"]
 
 
-def test_an_effect_placed_at_some_joints_has_the_columns_that_it_has_there(
-    polar, columns, m, rejected
-):
+def test_an_effect_placed_at_some_joints_has_the_columns_that_it_has_there(polar, m, rejected):
     fine = columns(polar, m, "position_ripple@*:0.08")
     coarse = columns(polar, m, "position_ripple@*:0.2")
     placed = Model.of("position_ripple.Rc@reach:0.08", "position_ripple@lift:0.2",
@@ -236,13 +225,6 @@ def test_an_effect_placed_at_some_joints_has_the_columns_that_it_has_there(
     assert_array_equal(placed.regressor(polar, m), np.stack(expected, axis=2))
     with rejected(r"acts at lift, reach\."):
         Model.of("viscous_friction@rail").parameters(polar)
-
-
-def test_the_columns_of_a_model_are_those_of_its_effects_side_by_side(polar, m):
-    effects = "joint_stiffness", "rigid_body", "coulomb_asymmetry"
-    alone = [Model.of(e).regressor(polar, m) for e in effects]
-    W = Model.of(*effects).regressor(polar, m)
-    assert_array_equal(W, np.concatenate(alone, axis=2))
 
 
 def test_two_effects_with_one_parameter_are_refused_by_its_name(pair, rejected):

@@ -9,6 +9,8 @@ from identifiability.effects import find_family
 from identifiability.effects.transmission import follow_with_play, gear_ratio, split_runs
 from identifiability.regression.columns import list_candidates
 
+from .conftest import columns, move, polar_torque
+
 T = np.linspace(0, 2.5, 400)
 
 
@@ -30,7 +32,7 @@ def test_composed_clips_are_the_slider_step_by_step(way, count):
     assert_allclose(follow_with_play(x, 0.25, way), expected, atol=1e-15)
 
 
-def test_rising_and_sigmoid_friction_are_their_formulas(polar, columns, m):
+def test_rising_and_sigmoid_friction_are_their_formulas(polar, m):
     v = m.actuated_v
     found = columns(polar, m, "rising_friction@reach:0.2")
     (unit, column) = found["reach.Fr"]
@@ -53,7 +55,7 @@ def test_rising_friction_and_coulomb_friction_never_push(polar, m):
     assert (power[:, :2] + power[:, 2:] >= -1e-12).all()
 
 
-def test_hysteresis_is_three_springs_that_slip(polar, columns, m):
+def test_hysteresis_is_three_springs_that_slip(polar, m):
     x = m.actuated_q[:, 1]
     v = m.actuated_v[:, 1]
     found = columns(polar, m, "hysteresis@reach:0.02")
@@ -70,7 +72,7 @@ def test_hysteresis_is_three_springs_that_slip(polar, columns, m):
     assert_allclose(found["reach.H3"][1][far, 1], np.sign(v[far]))
 
 
-def test_a_way_is_not_remembered_across_missing_samples(polar, move):
+def test_a_way_is_not_remembered_across_missing_samples(polar):
     m = move(polar, T)[np.r_[0:150, 200:400]]
     assert [len(rows) for rows in split_runs(m)] == [150, 200]
     model = Model.of("hysteresis@reach:0.05")
@@ -78,10 +80,10 @@ def test_a_way_is_not_remembered_across_missing_samples(polar, move):
     assert_array_equal(model.regressor(polar, m)[150:], late)
 
 
-def test_backlash_takes_the_load_away_after_a_reversal(polar, columns, by_hand, m):
+def test_backlash_takes_the_load_away_after_a_reversal(polar, m):
     (unit, column) = columns(polar, m, "backlash@lift:0.03")["lift.Bl"]
     assert unit == "1"
-    load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)[:, 0]
+    load = polar_torque(m.actuated_q, m.actuated_v, m.actuated_a)[:, 0]
     x = m.actuated_q[:, 0]
     v = m.actuated_v[:, 0]
     z = (x - slider(x, 0.03, x[0] - 0.03 * np.sign(v[1]))) / 0.03
@@ -90,7 +92,7 @@ def test_backlash_takes_the_load_away_after_a_reversal(polar, columns, by_hand, 
     assert np.abs(column[np.abs(v) > 0.8 * np.abs(v).max(), 0]).max() < 1e-9
 
 
-def test_friction_along_the_position_is_its_splines_against_the_motion(polar, columns, m):
+def test_friction_along_the_position_is_its_splines_against_the_motion(polar, m):
     found = columns(polar, m, "position_friction@lift:0.4")
     plain = columns(polar, m, "position_torque@lift:0.4")
     assert list(found) == [name.replace(".B", ".P") for name in plain]
@@ -101,7 +103,7 @@ def test_friction_along_the_position_is_its_splines_against_the_motion(polar, co
     assert_allclose(total[:, 0], way[:, 0], atol=1e-12)
 
 
-def test_friction_drifts_with_the_time_of_the_log(polar, columns, m):
+def test_friction_drifts_with_the_time_of_the_log(polar, m):
     found = columns(polar, m, "friction_drift")
     v = m.actuated_v
     assert found["reach.dv"][0] == "N/m"
@@ -109,7 +111,7 @@ def test_friction_drifts_with_the_time_of_the_log(polar, columns, m):
     assert_allclose(found["lift.dc"][1][:, 0], m.t * np.sign(v[:, 0]))
 
 
-def test_ripple_of_a_motor_has_the_period_of_its_gear(polar, pair, move, columns):
+def test_ripple_of_a_motor_has_the_period_of_its_gear(polar, pair):
     family = find_family("gear_ripple")
     assert "states no gear ratio" in family.refuse(polar, "lift")
     # motor 1 turns ten times for joint a; motor 2 twenty times for 2 a − b; b has no motor.

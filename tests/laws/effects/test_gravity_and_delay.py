@@ -1,6 +1,7 @@
 """A payload is a body, a tilt turns gravity, a delay is a slope, a wrong zero another place."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,21 +16,22 @@ from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.robot import complete_motion
 from identifiability.robot.servo import Servo
 
+from ... import roads
+from .conftest import POLAR, columns, move, polar_torque, swing
+
 T = np.linspace(0, 2.5, 60)
 DELAY = Model.of("time_delay")
 
 
-def torque(robot, motion):
-    """Rigid-body torque by the file's values."""
-    phi = [robot.nominal[p.name] for p in Model.of("rigid_body").parameters(robot)]
-    return Model.of("rigid_body").regressor(robot, motion) @ np.array(phi)
+#: Rigid-body torque by the file's values.
+torque = partial(roads.nominal_torque, effects=roads.RIGID)
 
 
-def test_a_payload_is_another_body_fixed_to_the_last_one(make, tables, polar, move, columns, m):
+def test_a_payload_is_another_body_fixed_to_the_last_one(make, polar, m):
     """A point of 0.5 kg at (0.2, 0, 0.1) of the sled, written into the file instead."""
     inertial = '<inertial pos="0 0 0" mass="0.5" diaginertia="1e-9 1e-9 1e-9"/>'
     extra = f'<body pos="0.2 0 0.1">{inertial}</body>'
-    loaded = make(tables.POLAR.replace('0.02 0.02 0 0 0"/>', f'0.02 0.02 0 0 0"/>{extra}'))
+    loaded = make(POLAR.replace('0.02 0.02 0 0 0"/>', f'0.02 0.02 0 0 0"/>{extra}'))
     found = columns(polar, m, "payload")
     values = {"m": 0.5, "mx": 0.1, "mz": 0.05, "Ixx": 0.005, "Iyy": 0.025, "Izz": 0.02,
               "Ixz": -0.01}  # fmt: skip
@@ -53,7 +55,7 @@ def with_gravity(robot, g):
     return replace(robot, model=model)
 
 
-def test_a_tilt_turns_gravity_about_a_horizontal_axis_by_the_right_hand(polar, columns, m):
+def test_a_tilt_turns_gravity_about_a_horizontal_axis_by_the_right_hand(polar, m):
     """Against gravity turned by +θ about x and about y, to first order."""
     angle = 1e-6
     found = columns(polar, m, "gravity_tilt")
@@ -83,7 +85,7 @@ def test_without_gravity_nothing_tilts(polar):
     assert Model.of("gravity_tilt").parameters(with_gravity(polar, (0, 0, 0))) == ()
 
 
-def test_a_wrong_zero_is_the_torque_at_another_position(polar, columns, m):
+def test_a_wrong_zero_is_the_torque_at_another_position(polar, m):
     """Against torque at positions that are truly b less, to first order."""
     b = 1e-6
     found = columns(polar, m, "encoder_bias")
@@ -98,21 +100,21 @@ def test_a_wrong_zero_is_the_torque_at_another_position(polar, columns, m):
         assert_allclose(column, change, atol=1e-4)
 
 
-def test_a_late_servo_makes_torque_of_the_commands_before(polar, by_hand, columns):
+def test_a_late_servo_makes_torque_of_the_commands_before(polar):
     """Against the servo's law, whose commands were taken a little too early."""
     kp = np.array([90.0, 400.0])
     kv = np.array([2.0, 9.0])
     late = 1e-5
     endless = np.full(2, np.inf)
     robot = replace(polar, servo=Servo(kp, kv, -endless, endless))
-    t = fine(by_hand)
-    m = swung(robot, by_hand, t)
+    t = fine()
+    m = swung(robot, t)
     found = columns(robot, m, "command_delay")
     assert list(found) == ["lift.late", "reach.late"]
-    q, v, _ = by_hand.swing(t, 2)
+    q, v, _ = swing(t, 2)
 
     def command(at):
-        own = swung(robot, by_hand, at)
+        own = swung(robot, at)
         return own.actuated_q + (nominal_torque(robot, own) + kv * own.actuated_v) / kp
 
     change = (kp * (command(t + late) - q) - kv * v - nominal_torque(robot, m)) / late
@@ -132,30 +134,30 @@ def test_loops_have_no_wrong_zeros_and_all_logs_are_searched_for_them():
     assert not {"time_delay", "clock_error"} & commands
 
 
-def recorded(by_hand, t):
+def recorded(t):
     """The file's whole torque of the polar arm at any time, friction and rotors included."""
-    q, v, a = by_hand.swing(t, 2)
+    q, v, a = swing(t, 2)
     friction = np.array([0.7, 5.0]) * v + np.array([1.3, 2.0]) * np.sign(v)
-    return by_hand.polar(t, q, v, a) + friction + np.array([0.11, 0.8]) * a
+    return polar_torque(q, v, a) + friction + np.array([0.11, 0.8]) * a
 
 
-def fine(by_hand, count=4000):
+def fine(count=4000):
     """Times between two reversals: friction has no steps here."""
     t = np.linspace(0.6, 0.75, count)
-    assert len(np.unique(np.sign(by_hand.swing(t, 2)[1]), axis=0)) == 1
+    assert len(np.unique(np.sign(swing(t, 2)[1]), axis=0)) == 1
     return t
 
 
-def swung(robot, by_hand, t):
-    return complete_motion(robot, t, *by_hand.swing(t, 2))
+def swung(robot, t):
+    return complete_motion(robot, t, *swing(t, 2))
 
 
-def test_a_delay_is_minus_the_slope_of_its_own_joints_torque(polar, by_hand, columns):
+def test_a_delay_is_minus_the_slope_of_its_own_joints_torque(polar):
     """τ(t − δ) ≈ τ(t) − δ τ̇(t): one second of δ costs −τ̇, [s]."""
-    t = fine(by_hand)
+    t = fine()
     h = 1e-5
-    found = columns(polar, swung(polar, by_hand, t), "time_delay")
-    slope = (recorded(by_hand, t + h) - recorded(by_hand, t - h)) / (2 * h)
+    found = columns(polar, swung(polar, t), "time_delay")
+    slope = (recorded(t + h) - recorded(t - h)) / (2 * h)
     for k, joint in enumerate(("lift", "reach")):
         unit, column = found[f"{joint}.delay"]
         assert unit == "s"
@@ -163,9 +165,9 @@ def test_a_delay_is_minus_the_slope_of_its_own_joints_torque(polar, by_hand, col
         assert_allclose(column[1:-1, k], -slope[1:-1, k], atol=1e-5 * np.abs(slope[:, k]).max())
 
 
-def test_a_delay_does_not_look_across_gaps(polar, by_hand):
+def test_a_delay_does_not_look_across_gaps(polar):
     """The columns of a motion with a gap are those of its stretches, each by itself."""
-    motion = swung(polar, by_hand, fine(by_hand, 40))
+    motion = swung(polar, fine(40))
     rows = np.r_[0:11, 13:15, 20:40]  # a long stretch, two samples alone, a long stretch
     W = DELAY.regressor(polar, motion[rows])
     whole = DELAY.regressor(polar, motion)
@@ -179,16 +181,16 @@ def test_a_delay_does_not_look_across_gaps(polar, by_hand):
         assert not DELAY.regressor(polar, motion[np.arange(few)]).any()
 
 
-def test_a_delay_differentiates_no_step_of_dry_friction(make, tables, polar, move):
-    pair = polar, make(tables.POLAR.replace('frictionloss="1.3"', 'frictionloss="130"'))
+def test_a_delay_differentiates_no_step_of_dry_friction(make, polar):
+    pair = polar, make(POLAR.replace('frictionloss="1.3"', 'frictionloss="130"'))
     assert_array_equal(*(DELAY.regressor(r, move(r, T)) for r in pair))
     scaled = replace(polar, reference={**polar.nominal, "lift.scale": 0.08})  # late and too large
     W, own = (DELAY.regressor(r, move(r, T)) for r in (scaled, polar))
     assert_allclose(W, own * [1.08, 1.0], rtol=1e-9)
 
 
-def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
-    robot = make(tables.POLAR.replace('name="reach"', 'name="reach" stiffness="40" springref="1"'))
+def test_the_delayed_torque_holds_the_files_springs(make, polar):
+    robot = make(POLAR.replace('name="reach"', 'name="reach" stiffness="40" springref="1"'))
     m = move(robot, T)
     change = nominal_torque(robot, m) - nominal_torque(polar, m)
     assert_allclose(change[:, 0], 0.0, atol=1e-9)
@@ -206,15 +208,13 @@ def test_the_delayed_torque_holds_the_springs_of_a_fit(polar, m):
 
 
 @pytest.mark.parametrize("forward", [2.5, None])
-def test_the_delayed_torque_has_a_level_for_each_direction_where_the_file_states_one(
-    make, tables, move, by_hand, forward
-):
+def test_the_delayed_torque_has_a_level_for_each_direction_where_the_file_states_one(make, forward):
     text = '[nominal]\n"lift.Fc+" = 2.5\n"lift.Fc-" = 0.5\n"reach.Fc+" = 2\n"reach.Fc-" = 2\n'
-    robot = make(tables.POLAR, text if forward else "")
+    robot = make(POLAR, text if forward else "")
     m = move(robot, T)
     v = m.actuated_v
     levels = (2.5, 0.5) if forward else (1.3, 1.3)
     dry = np.where(v[:, 0] > 0, levels[0], np.where(v[:, 0] < 0, -levels[1], 0.0))
-    expected = by_hand.polar(m.t, m.actuated_q, v, m.actuated_a)[:, 0]
+    expected = polar_torque(m.actuated_q, v, m.actuated_a)[:, 0]
     expected = expected + dry + 0.7 * v[:, 0] + 0.11 * m.actuated_a[:, 0]
     assert_allclose(nominal_torque(robot, m)[:, 0], expected, atol=1e-9)

@@ -21,13 +21,15 @@ from identifiability.simulation.forces import (
 from identifiability.simulation.mujoco_robot import RigidTorque
 from identifiability.simulation.simulator import ar1
 
+from .conftest import swing
+
 T = np.linspace(0, 2.5, 400)
 HOME = np.array([0.3, -0.15])
 
 
 @pytest.fixture
-def move(by_hand):
-    q, v, a = by_hand.swing(T, 2)
+def move():
+    q, v, a = swing(T, 2)
     return SimpleNamespace(t=T, q=q, dq=v, ddq=a)
 
 

@@ -11,6 +11,8 @@ from identifiability.effects import FAMILIES
 from identifiability.effects.functions import splines, straight_beyond
 from identifiability.regression.columns import list_candidates
 
+from .conftest import move, polar_torque
+
 T = np.linspace(0, 2.5, 400)
 
 
@@ -53,12 +55,12 @@ def test_a_function_of_velocity_is_odd_or_even(polar, m):
     assert_allclose(again[:, 0], W[:, 0] * np.repeat([-1.0, 1.0], [4, 3]), atol=1e-12)
 
 
-def test_each_function_is_one_of_what_its_name_says(polar, by_hand, m):
+def test_each_function_is_one_of_what_its_name_says(polar, m):
     """A parabola of the coordinate is among its columns; nothing is at the other joint."""
     v = m.actuated_v[:, 0]
     x = m.actuated_q[:, 0] - 0.3
     root = np.sign(v) * np.sqrt(np.abs(v) / 0.8)
-    load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)[:, 0]
+    load = polar_torque(m.actuated_q, m.actuated_v, m.actuated_a)[:, 0]
     other = m.actuated_v[:, 1]
     other = np.sign(other) * np.sqrt(np.minimum(np.abs(other) / 0.3, 1.0))
     for model, count, target in (
@@ -79,7 +81,7 @@ def test_each_function_is_one_of_what_its_name_says(polar, by_hand, m):
         assert spanned(W[:, 0], np.sin(40 * T)) > 0.5
 
 
-def test_shapes_of_functions_are_from_the_motion(polar, pair, move, m):
+def test_shapes_of_functions_are_from_the_motion(polar, pair, m):
     unnamed = [f for f in FAMILIES.values() if f.unnamed]
     assert len(unnamed) == 9
     found, refused = list_candidates(polar, unnamed, (), [m[:200], m[200:]], fixed=False)

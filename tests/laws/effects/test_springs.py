@@ -13,10 +13,12 @@ from identifiability.regression.columns import list_candidates
 from identifiability.robot.closure import known_torque
 from identifiability.robot.sidecar import KnownTorque
 
+from .conftest import columns, move
+
 T = np.linspace(0, 2.5, 80)
 
 
-def test_a_free_spring_is_its_position_and_a_constant(polar, pair, move, columns):
+def test_a_free_spring_is_its_position_and_a_constant(polar, pair):
     found = columns(polar, move(polar, T), "free_spring")
     assert {n: unit for n, (unit, _) in found.items()} == {
         "lift.k": "N·m/rad", "lift.kq0": "N·m", "reach.k": "N/m", "reach.kq0": "N",
@@ -28,7 +30,7 @@ def test_a_free_spring_is_its_position_and_a_constant(polar, pair, move, columns
     assert_allclose(mixed["m2.kq0"][1], np.tile(-row, (len(m), 1)))
 
 
-def test_a_gravity_spring_is_a_sine_about_what_turns(polar, gear, move, columns):
+def test_a_gravity_spring_is_a_sine_about_what_turns(polar, gear):
     m = move(polar, T)
     found = columns(polar, m, "gravity_spring")
     assert list(found) == ["lift.ks", "lift.kc"]  # a slide has no angle
@@ -52,7 +54,7 @@ def test_a_constant_force_is_for_passive_joints_alone(gear):
 
 
 @pytest.mark.parametrize("joint", ["turn", "swing"])
-def test_columns_are_what_a_known_torque_of_the_same_law_is(gear, move, joint):
+def test_columns_are_what_a_known_torque_of_the_same_law_is(gear, joint):
     """Two roads: the curve of a table through the mechanism, and columns times values."""
     m = move(gear, T)
     for effect, value, known in (
@@ -64,7 +66,7 @@ def test_columns_are_what_a_known_torque_of_the_same_law_is(gear, move, joint):
         assert_allclose(W @ value, stated, atol=1e-12)
 
 
-def test_splines_add_up_to_one_and_contain_every_cubic(polar, columns, m):
+def test_splines_add_up_to_one_and_contain_every_cubic(polar, m):
     found = columns(polar, m, "position_torque@*:0.25")
     lift = np.stack([c[:, 0] for n, (_, c) in found.items() if n.startswith("lift.")], 1)
     # −1.5 … 2.1 about the home 0.3: knots from −8 · 0.25 to 8 · 0.25, three splines more than gaps.
@@ -79,7 +81,7 @@ def test_splines_add_up_to_one_and_contain_every_cubic(polar, columns, m):
     assert not any(c[:, 1].any() for n, (_, c) in found.items() if n.startswith("lift."))
 
 
-def test_beyond_the_limits_a_curve_goes_on_as_at_the_end(polar, columns, m):
+def test_beyond_the_limits_a_curve_goes_on_as_at_the_end(polar, m):
     effect = "position_torque@lift:0.45"
     ends = [-1.5, 2.1, 2.6, -9.0]
     q = np.tile(m.actuated_q[:1], (4, 1))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability import Log, Model, Robot, analyze, prune, simulate
+from identifiability import Log, Model, Robot, analyze, prune
 from identifiability.effects import FAMILIES, AlongAxes, Family, forget, register
 from identifiability.effects.vocabulary import stated_numbers, values_in_file
 from identifiability.foundation.names import INERTIAL_KINDS
@@ -11,8 +11,10 @@ from identifiability.physical.fitted_model import physical_set
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.robot.description import name_numbers
-from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export import write_parameters
+
+from ...conftest import shipped_log
+from .conftest import move
 
 #: All that the simulated arm has, and the drag: nothing is missing beside them.
 EFFECTS = ("rigid_body", "actuator_inertia", "viscous_friction", "coulomb_friction", "cubic_drag")
@@ -51,16 +53,14 @@ def drag(request):
 @pytest.fixture(scope="module")
 def pushed():
     """A log of the two-link arm whose elbow is driven by what brakes its shoulder."""
-    robot = Robot.load("two-link")
-    move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
-    log = simulate(robot, move)
+    log = shipped_log(Robot.load("two-link"), "a", 300)
     tau = log.tau.copy()
     tau += [0.05, -0.05] * log.dq**3
     tau += 1e-3 * np.random.default_rng(0).normal(size=tau.shape)
     return Log("pushed", log.joints, log.t, log.q, tau, log.dq, log.ddq, "")
 
 
-def test_a_sign_of_the_users_own_binds_every_stage(drag, move, two):
+def test_a_sign_of_the_users_own_binds_every_stage(drag, two):
     structure = Structure.of(two, Model.of(*EFFECTS))
     at = structure.columns.index("elbow.Fz")
     signed = drag is Cubic

@@ -4,8 +4,10 @@ import numpy as np
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
-from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
+from identifiability.physical.fitted_model import Fixed, LeastSquares
 from identifiability.posterior.target import Prior, Target
+
+from ...physical.bodies import without_bodies
 
 #: The second parameter is held at 0.7; the third and the fifth are tied.
 FIXED = Fixed(np.array([[0, 1.0, 0, 0, 0], [0, 0, 2.0, 0, -2.0]]), np.array([0.7, 0.0]))
@@ -15,7 +17,7 @@ def target(nonnegative=(False,) * 5, variance=0.3):
     rng = default_rng(4)
     data = LeastSquares(rng.normal(size=(4, 5)), rng.normal(size=4), 9.0, 30.0)
     prior = Prior(rng.normal(size=5), rng.uniform(0.5, 2.0, 5))
-    region = PhysicalSet(np.empty((0, 10), int), np.array(nonnegative))
+    region = without_bodies(nonnegative)
     return Target(data, prior, region, variance=variance, fixed=FIXED)
 
 
@@ -48,7 +50,7 @@ def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual(r
     """Three parameters, two of whose combinations are seen in four rows."""
     R = rng.normal(size=(4, 2)) @ [[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]]
     z = rng.normal(size=4)
-    region = PhysicalSet(np.empty((0, 10), int), np.zeros(3, bool))
+    region = without_bodies(np.zeros(3, bool))
     data = LeastSquares(R, z, 7.0, 50.0)
     prior = Prior(np.zeros(3), np.arange(1.0, 4.0))
     found = Target(data, prior, region).diagonal

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.random import default_rng
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from identifiability import (
     IdentifiabilityError,
@@ -19,10 +19,7 @@ from identifiability import (
     gather_information,
     prepare_log,
 )
-from identifiability.foundation.engines import Serial
-from identifiability.logs import rows as log_rows
 from identifiability.logs.gaps import Gaps
-from identifiability.logs.prepare import dataset
 from identifiability.logs.signals import has_gap
 from identifiability.logs.spectrum import bandwidth_of_windows, noise_level
 from identifiability.workflows.diagnose.forward import _stretches
@@ -166,28 +163,6 @@ def test_repeated_values_are_not_interpolated_from_beyond_a_gap(two):
     assert_allclose(
         found.motion.actuated_q[inside], true.motion.actuated_q[inside], rtol=0, atol=1e-6
     )
-
-
-def test_a_long_file_with_gaps_is_read_as_a_short_one(two, tmp_path, monkeypatch):
-    table = frame(without(9000, (1999, 5), (3499, 200), (3699 + 30, 400), (6999, 11)))
-    path = tmp_path / "log.parquet"
-    table.to_parquet(path, index=False)
-    how = Preparation(cutoff=CUTOFF)
-    model = Model.of("rigid_body")
-    kept = find_base_parameters(two, model).kept
-    whole = prepare_log(two, Log.read(path), how)
-    one = gather_information(Regression(two, model, (whole,), kept))
-    monkeypatch.setattr(dataset, "WINDOW", 700)
-    monkeypatch.setattr(dataset, "MARGINS", 0)
-    monkeypatch.setattr(log_rows, "LONG", 0)
-    parts = prepare_log(two, Log.read(path), how, engine=Serial())
-    other = gather_information(Regression(two, model, (parts,), kept))
-    assert (parts.outputs, parts.starts, parts.hints) == (whole.outputs, whole.starts, whole.hints)
-    assert (parts.notes, parts.lost) == (whole.notes, whole.lost)
-    assert_array_equal(one.counts, other.counts)
-    R = one.factor()
-    S = other.factor()
-    assert_allclose(S.T @ S, R.T @ R, rtol=0, atol=1e-8 * np.abs(R.T @ R).max())
 
 
 def test_gaps_of_a_part_of_a_file_are_counted_from_its_first_row(tmp_path, read_long):

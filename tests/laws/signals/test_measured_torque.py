@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability import Log, Model, Robot
+from identifiability import Log, Model
 from identifiability.logs.conventions import Conventions
 
 #: Two hinges and nothing else.
@@ -19,14 +19,8 @@ ARM = """
 
 
 @pytest.fixture
-def load(tmp_path):
-    def loaded(sidecar=""):
-        path = tmp_path / "arm.xml"
-        path.write_text(ARM)
-        path.with_suffix(".toml").write_text(sidecar)
-        return Robot.load(path)
-
-    return loaded
+def load(load_text):
+    return lambda sidecar="": load_text(ARM, sidecar=sidecar)
 
 
 def table(kind="tau"):
