@@ -52,7 +52,6 @@ WHAT = {"mass": 3.0, "centre": (0.3, 0.02, 0.0), "inertia": (0.01, 0.02, 0.02)}
 def test_a_known_load_tells_the_gain_of_each_joint(inertia, made):
     robot, empty, loaded = made
     found = payload(robot, empty, loaded, **{**WHAT, "inertia": inertia})
-    assert [g.name for g in found.gains] == list(TRUE)
     for g in found.gains:
         true = TRUE[g.name]
         assert g.value == pytest.approx(true, rel=0.05)
@@ -110,9 +109,9 @@ def test_the_command_prints_what_the_sidecar_needs(made, succeeds, tmp_path):
     out = succeeds("payload", robot.path, *paths, *load, "--json", tmp_path / "g.json")
     assert "[torque]\ngain = {turn = " in out.stdout
     # With the gains in the sidecar the same currents are torques.
-    text = out.stdout[out.stdout.index("[torque]") :].split("\n\n")[0]
+    gains = out.stdout.partition("[torque]")[2].splitlines()[1]
     sidecar = tmp_path / "arm.toml"
-    sidecar.write_text("\n".join(text.splitlines()[:2]))
+    sidecar.write_text(f"[torque]\n{gains}")
     known = Robot.load(robot.path, sidecar=sidecar)
     assert known.torque.factor("lift") == pytest.approx(TRUE["lift"], rel=0.05)
 

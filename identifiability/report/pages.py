@@ -18,7 +18,7 @@ import numpy as np
 from identifiability.effects import title_of
 from identifiability.foundation.answers import Column, Note
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import Strings, shorten_paths
+from identifiability.foundation.names import Array, Strings, shorten_paths
 from identifiability.foundation.rounding import (
     NONE,
     REACH,
@@ -146,9 +146,13 @@ def _place_load(result: Comparison) -> Point | None:
     for change in result.changes[:1]:
         centre, sd = change.centre
         if np.isfinite([centre, sd]).all():
-            links = dict(zip(result.robot.bodies, result.robot.links, strict=True))
-            return Point(links[change.place].last, centre)
+            return _at_body(result.robot, change.place, centre)
     return None
+
+
+def _at_body(robot: Robot, body: str, centre: Array) -> Point:
+    """Return a point (3,) of the frame of a body."""
+    return Point(robot.links[robot.bodies.index(body)].last, centre)
 
 
 def comparison_sections(result: Comparison) -> list[Section | None]:
@@ -564,24 +568,18 @@ def payload_heading(result: Load) -> tuple[str, str]:
 
 
 def payload_moving(result: Load) -> Moving | None:
-    """Return the robot with its load, over the torque that the load adds to a joint."""
+    """Return the robot over the torque of its load at a joint, with the load if it is sure."""
     if result.gains:  # columns may be in any unit
         return None
-    robot = result.robot
     torque = result.estimate.torque
-    body = robot.bodies.index(result.body)
-    load = Point(robot.links[body].last, result.parameters[6:9] / result.parameters[9])
+    about = result.robot, result.motion, torque.t
+    log = shorten_paths(result.logs)[0]
+    if not all(q.told for q in result.quantities[:4]):
+        lines = {"measured": torque.measured, "explained": torque.explained}
+        return move_with_torque(*about, torque.whole, lines, log, torque.explained, "changed")
+    load = _at_body(result.robot, result.body, result.parameters[6:9] / result.parameters[9])
     lines = {"measured": torque.measured, "computed": torque.explained}
-    return move_with_torque(
-        robot,
-        result.motion,
-        torque.t,
-        torque.explained,
-        lines,
-        shorten_paths(result.logs)[0],
-        how="load",
-        load=load,
-    )
+    return move_with_torque(*about, torque.explained, lines, log, how="load", load=load)
 
 
 def payload_below(result: Load) -> Picture | None:

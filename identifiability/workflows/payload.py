@@ -305,7 +305,8 @@ def state_quantities(
     found : LoadEstimate
         As measured.
     body : (10,)
-        The physically consistent body nearest to it, divided by the factor.
+        The physically consistent body nearest to it, divided by the factor. Of less load the
+        estimate counts, with its negative mass.
     length : float [m]
         Size of the robot's bodies. A number of either sign may be zero: it is identifiable if it is
         sure to its size, a centre to this length, a product to the least moment.
@@ -314,16 +315,17 @@ def state_quantities(
     turns : bool
         Whether the robot can turn the body that carries it.
     """
+    if found.is_less:
+        body = found.theta / scale.factor
     values = describe_body(body)
     half = _half_widths(found, body, scale)
     low = values - half
     high = values + half
-    low[0] *= not found.is_less  # the nearest possible body is far from the estimate
     vague = POSITIVE & (low <= 0)
     moment = 0.0 if vague[4:7].any() else values[4:7].min()
     size = np.repeat([length, moment], [4, 6])
     unsure = np.where(POSITIVE, vague, half > size)
-    low = np.where(POSITIVE, np.maximum(low, 0.0), low)
+    low = np.where(POSITIVE & ~found.is_less, np.maximum(low, 0.0), low)
     doubts = _explain_doubts(length, less=found.is_less)
     out = []
     for k, (name, unit) in enumerate(QUANTITIES.items()):
@@ -344,7 +346,7 @@ def _half_widths(found: LoadEstimate, body: Array, scale: TorqueScale) -> Array:
     Quantities are linearised about a body.
     """
     # Steps by which derivatives are taken, as a share of a body's own numbers.
-    steps = 1e-6 * TYPICAL * max(body[9], LIGHTEST)
+    steps = 1e-6 * TYPICAL * max(abs(body[9]), LIGHTEST)
     slopes = scipy.optimize.approx_fprime(body, describe_body, steps)
     covariance = found.covariance / scale.factor**2 + scale.sd**2 * np.outer(body, body)
     half = REACH * np.sqrt(np.einsum("qi,ij,qj->q", slopes, covariance, slopes))

@@ -168,9 +168,8 @@ def _state_load(result: Load) -> str:
     if not np.isfinite(mass.sigma):
         return sentence(about, "unknown", body=body)
     if not mass.told:
-        estimate = result.estimate
-        part = "less" if estimate.is_less else "nothing"
-        less = measured(-estimate.theta[9], estimate.mass_sd, "kg")
+        part = "less" if result.estimate.is_less else "nothing"
+        less = measured(-mass.value, mass.sigma, "kg")
         return sentence(about, part, body=body, most=mass.high, less=less)
     raw, by_file = result.as_measured[0], result.by_file[0]
     each = [measured(m.value, m.sigma, "kg") for m in (by_file, raw)]
