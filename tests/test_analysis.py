@@ -115,7 +115,9 @@ def test_a_log_given_twice_is_refused(simulated, rejected):
             run("two-link", [log, log])
 
 
-def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_session, tmp_path):
+def test_numbers_of_a_file_are_believed_contradicted_or_left_open(
+    simulated_session, tmp_path, two_link
+):
     log = simulated_session("two-link", "a", samples=400)
     true = analyze("two-link", log, replicates=0).file_frame().set_index("name")["logs"]
     assert set(true) == {"agrees", "not determined"}
@@ -123,13 +125,12 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
     assert odd.answers()[2].tone == "amber"
     assert 'side = "motor"' in " ".join(odd.warnings)
     wrong = {"link2.mx": 1.06, "elbow.Fv": 2.0, "link2.mz": 0.01, "shoulder.Fc": 0.0}
-    robot = Robot.load("two-link")
-    values = {n: x * robot.nominal[n] if n != "link2.mz" else x for n, x in wrong.items()}
-    vendor = save_robot(robot, values, tmp_path / "fitted.xml")
+    values = {n: x * two_link.nominal[n] if n != "link2.mz" else x for n, x in wrong.items()}
+    vendor = save_robot(two_link, values, tmp_path / "fitted.xml")
     found = analyze(vendor, log, "none", replicates=0)
     assert "robot file: link2.mx" in found.warnings[0]
-    small = {n: 0.05 * x for n, x in robot.nominal.items() if "link2." in n}
-    file = save_robot(robot, small, tmp_path / "light.xml")
+    small = {n: 0.05 * x for n, x in two_link.nominal.items() if "link2." in n}
+    file = save_robot(two_link, small, tmp_path / "light.xml")
     sprung = replace(log, tau=log.tau + np.array([0.0, 0.3]) * log.q**3)
     light, lacks = (analyze(file, x, "none", replicates=0).warnings for x in (log, sprung))
     assert "Does link2 carry a tool or load that the file lacks?" in light[-1]
@@ -144,7 +145,7 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
     assert export_line(Robot.load(vendor), "x.json").endswith("--out refitted.xml")
     assert set(frame.query("logs == 'contradicted'").index) <= set(wrong)
     assert set(frame["logs"]) == {"contradicted", "agrees", "not determined"}
-    assert abs(frame["value"]["elbow.Fv"] / robot.nominal["elbow.Fv"] - 1) < 0.1
+    assert abs(frame["value"]["elbow.Fv"] / two_link.nominal["elbow.Fv"] - 1) < 0.1
     table = found.tables()[-1]
     assert table.caption.startswith("Which numbers of the robot file may I believe? ")
     assert [row["name"] for row in found.to_dict()["file"]] == list(frame.index)
@@ -152,8 +153,10 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
 
 
 @pytest.mark.parametrize("joint, size", [("shoulder", 0.08), ("elbow", 0.08), ("elbow", 0.5)])
-def test_a_torque_scale_is_of_the_fitted_robot_not_of_a_file(simulated, tmp_path, joint, size):
-    robot, share = Robot.load("two-link"), {"link1": 0.75, "link2": 1.25}  # no friction, no rotors
+def test_a_torque_scale_is_of_the_fitted_robot_not_of_a_file(
+    simulated, tmp_path, joint, size, two_link
+):
+    robot, share = two_link, {"link1": 0.75, "link2": 1.25}  # no friction, no rotors
     values = {n: share.get(n.partition(".")[0], 0.0) * x for n, x in robot.nominal.items()}
     file = Robot.load(save_robot(robot, values, tmp_path / "vendor.xml"))
     log = simulated("two-link", "a", noise=Noise(additive=0.02), samples=500)

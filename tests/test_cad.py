@@ -26,8 +26,8 @@ def test_an_infeasible_cad_file_is_told_of_first_and_a_ball_stands_in(simulated,
 
 
 @pytest.mark.parametrize("factor", [1.0, 1e-3])  # of all masses of the file, in a wrong unit
-def test_the_prior_pulls_what_the_data_leave_open_to_the_robot_file(simulated, factor):
-    robot, log = Robot.load("two-link"), simulated("two-link", "a", 0)
+def test_the_prior_pulls_what_the_data_leave_open_to_the_robot_file(simulated, factor, two_link):
+    robot, log = two_link, simulated("two-link", "a", 0)
     nominal = analyze("two-link", log, quick=True).structure.nominal
     kinds = {n: n.split(".")[1] for n in robot.nominal}
     scaled = {n: v * factor ** (kinds[n] in INERTIAL_KINDS) for n, v in robot.nominal.items()}

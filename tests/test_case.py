@@ -14,7 +14,6 @@ from identifiability import (
     Case,
     IdentifiabilityError,
     Noise,
-    Robot,
     analyze,
     compare,
     diagnose,
@@ -36,12 +35,11 @@ VERBS = {"analyze": analyze, "diagnose": diagnose, "prune": prune}
 
 
 @pytest.fixture(scope="module")
-def two_logs():
+def two_logs(two_link):
     """A robot with a spring that its model lacks, and two logs of it."""
-    robot = Robot.load("two-link")
     made = {"noise": Noise(torque=0.03), "rng": default_rng(0), "hide": ["joint_stiffness=0.1"]}
-    logs = [shipped_log(robot, name, 600, **made) for name in "ab"]
-    return robot, [replace(log, name=name) for log, name in zip(logs, "ab", strict=True)]
+    logs = [shipped_log(two_link, name, 600, **made) for name in "ab"]
+    return two_link, [replace(log, name=name) for log, name in zip(logs, "ab", strict=True)]
 
 
 @pytest.fixture

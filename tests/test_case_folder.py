@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from identifiability import Case, Noise, Robot, new_study, simulate
+from identifiability import Case, Noise, new_study, simulate
 from identifiability.simulation import random_trajectory
 
 HOSTILE = (
@@ -36,9 +36,9 @@ def append(folder, text):
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path, monkeypatch, two_link):
     made = new_study(tmp_path / "study", "two-link").folder
-    robot = Robot.load("two-link").with_values({"link2.m": 3.0, "elbow.Fc": 1.0})
+    robot = two_link.with_values({"link2.m": 3.0, "elbow.Fc": 1.0})
     for k in (1, 2, 3):
         rng = np.random.default_rng(k)
         motion = random_trajectory(robot, rng, samples=400)

@@ -110,7 +110,7 @@ def test_positions_alone_are_averaged_over_periods_and_are_not_smoothed(simulate
         assert choose(log).record == record
 
 
-def test_a_series_that_lacks_what_the_robot_did_is_not_used(simulated_session):
+def test_a_series_that_lacks_what_the_robot_did_is_not_used(simulated_session, two_link):
     """The measured torque has the say: it knows of a motion that a series takes for noise."""
     once = repeat(simulated_session("two-link", "a", noise=Noise()), 2)
     # Shaking of a fifth of the sampling rate, which the torque follows.
@@ -119,7 +119,7 @@ def test_a_series_that_lacks_what_the_robot_did_is_not_used(simulated_session):
     shake = 2e-4 * np.stack([wave, 1j * rate * wave, -(rate**2) * wave]).real
     q, dq, ddq = (x + y for x, y in zip((once.q, once.dq, once.ddq), shake, strict=True))
     moved = replace(once, q=q, dq=dq, ddq=ddq)
-    structure = Structure.of(Robot.load("two-link"), Model.of(*MODEL))
+    structure = Structure.of(two_link, Model.of(*MODEL))
     samples = prepare_log(structure.robot, moved, Preparation("given", keep_rest=True))
     phi = np.linalg.lstsq(structure.G, structure.nominal_base, rcond=None)[0]
     true = structure.torque_along(samples.motion, phi)

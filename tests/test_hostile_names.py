@@ -332,9 +332,9 @@ def test_a_table_of_names_becomes_a_file_with_these_names(name, sentence, tmp_pa
         assert Robot.load(made / "robot.urdf").joints == (f"{name}j",)
 
 
-def test_a_path_that_is_no_utf_8_is_copied_to_the_byte(folder, shell):
+def test_a_path_that_is_no_utf_8_is_copied_to_the_byte(folder, shell, two_link):
     name = os.fsdecode(b"a\xff\n.xml")
-    (folder / name).write_bytes(Robot.load("two-link").path.read_bytes())
+    (folder / name).write_bytes(two_link.path.read_bytes())
     said = call("inspect", name, "--report", "p.html", "--json", "p.json")
     for line in lines_of(said, folder):
         for called in shell(line, folder):
@@ -342,9 +342,9 @@ def test_a_path_that_is_no_utf_8_is_copied_to_the_byte(folder, shell):
     assert json.loads((folder / "p.json").read_text())
 
 
-def test_a_sidecar_names_nothing_that_runs_code(tmp_path):
+def test_a_sidecar_names_nothing_that_runs_code(tmp_path, two_link):
     path = tmp_path / "arm.xml"
-    path.write_bytes(Robot.load("two-link").path.read_bytes())
+    path.write_bytes(two_link.path.read_bytes())
     path.with_suffix(".toml").write_text('[run]\nscheduler = "work"\n')
     log = tmp_path / "log.csv"
     log.write_text("t\n")

@@ -51,14 +51,13 @@ MEASURED = {"next.csv": "b.csv", "another.csv": "b.csv", "unloaded.csv": "a.csv"
 
 
 @pytest.fixture(scope="module")
-def logs():
-    robot = Robot.load("two-link")
+def logs(two_link):
     out = {}
     for seed, (name, hidden) in enumerate(
         {"a": ["stribeck_friction=0.2"], "b": ["stribeck_friction=0.2"], "loaded": []}.items()
     ):
         motion = "b" if name == "b" else "a"
-        out[name] = shipped_log(robot, motion, 300, noise=NOISE, seed=seed, hide=hidden)
+        out[name] = shipped_log(two_link, motion, 300, noise=NOISE, seed=seed, hide=hidden)
     return out
 
 
@@ -92,10 +91,10 @@ def check(typed, folder):
 
 
 @pytest.fixture
-def folder(logs, tmp_path, monkeypatch):
+def folder(logs, tmp_path, monkeypatch, two_link):
     """A folder with a robot and logs, in which commands are typed."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "robot.xml").write_bytes(Robot.load("two-link").path.read_bytes())
+    (tmp_path / "robot.xml").write_bytes(two_link.path.read_bytes())
     for name, log in logs.items():
         log.write(tmp_path / f"{name}.csv")
     return tmp_path
@@ -196,13 +195,12 @@ def test_next_lines_of_shipped_robots_end_in_an_exported_robot(robot, hide, tmp_
     assert verbs[-1] == "export"
 
 
-def test_logs_that_disagree_are_compared_and_lead_on(tmp_path, monkeypatch):
+def test_logs_that_disagree_are_compared_and_lead_on(tmp_path, monkeypatch, two_link):
     monkeypatch.chdir(tmp_path)
-    robot = Robot.load("two-link")
     rng = default_rng(3)
     for name, more in {"a": 0.0, "b": 0.3, "c": 0.0}.items():
-        motion = PrescribedMotion.of(random_trajectory(robot, rng, samples=1500))
-        frame = simulate(robot, motion, noise=NOISE, rng=rng).to_frame()
+        motion = PrescribedMotion.of(random_trajectory(two_link, rng, samples=1500))
+        frame = simulate(two_link, motion, noise=NOISE, rng=rng).to_frame()
         frame["elbow.tau"] += more * np.sign(frame["elbow.dq"])
         frame.to_csv(f"{name}.csv", index=False)
     verbs = follow("identifiability analyze two-link a.csv b.csv c.csv")

@@ -133,10 +133,9 @@ def test_rounding_is_no_effect(name, how, digits):
 
 
 @pytest.mark.parametrize("how", [{"kind": "float32"}, {"derivatives": False}])
-def test_rounding_is_no_diagnosis(how):
-    robot = Robot.load("two-link")
-    logs = make_logs(robot, simulated_torque, **how)
-    found = diagnose(robot, logs[:2], logs[2:], quick=True)
+def test_rounding_is_no_diagnosis(how, two_link):
+    logs = make_logs(two_link, simulated_torque, **how)
+    found = diagnose(two_link, logs[:2], logs[2:], quick=True)
     assert found.effects == ()
     assert not any("farther from the model" in hint for hint in found.hints)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from identifiability import Log, Model, Noise, Preparation, Robot, analyze, prepare_log
+from identifiability import Log, Model, Noise, Preparation, analyze, prepare_log
 from identifiability.regression.structure import Structure
 
 from .roads import waves
@@ -18,8 +18,8 @@ EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inert
 
 
 @pytest.fixture(scope="module")
-def structure():
-    return Structure.of(Robot.load("two-link"), Model.of(*EFFECTS))
+def structure(two_link):
+    return Structure.of(two_link, Model.of(*EFFECTS))
 
 
 @pytest.fixture(scope="module")

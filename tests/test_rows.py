@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import identifiability
-from identifiability import Analysis, Robot, analyze, calibrate, compare, diagnose, payload, prune
+from identifiability import Analysis, analyze, calibrate, compare, diagnose, payload, prune
 from identifiability.simulation import PAPER_NOISE
 
 from .conftest import shipped_log
@@ -21,7 +21,7 @@ def result(log):
 
 
 @pytest.fixture(scope="module")
-def results(result, log, simulated_session, tmp_path_factory):
+def results(result, log, simulated_session, tmp_path_factory, two_link):
     """Every kind of result that has rows, with a name of each."""
     folder = tmp_path_factory.mktemp("rows")
     other = simulated_session("two-link", "a", 1)
@@ -36,7 +36,7 @@ def results(result, log, simulated_session, tmp_path_factory):
         "calibrate": (calibrate(result, replicates=4, refits=20), None),
         "kept": (Analysis.from_json(path), "elbow.Fc"),
         "kept diagnosis": (Analysis.from_json(kept), "elbow.Fc"),
-        "fit": (Analysis.from_json(path, Robot.load("two-link")), "elbow.Fc"),
+        "fit": (Analysis.from_json(path, two_link), "elbow.Fc"),
     }
 
 
@@ -99,12 +99,11 @@ def test_a_standard_parameter_is_refused_with_the_combination_that_holds_it(resu
         results[kind][0][members[1][1].name]
 
 
-def test_a_change_is_found_by_its_parameter(log):
-    robot = Robot.load("two-link")
-    friction = {n: 2 * x for n, x in robot.nominal.items() if n.startswith("elbow.F")}
-    made = {"like": robot, "noise": PAPER_NOISE, "seed": 1}
-    after = shipped_log(robot.with_values(friction), "a", **made)
-    found = compare(robot, log, after)
+def test_a_change_is_found_by_its_parameter(log, two_link):
+    friction = {n: 2 * x for n, x in two_link.nominal.items() if n.startswith("elbow.F")}
+    made = {"like": two_link, "noise": PAPER_NOISE, "seed": 1}
+    after = shipped_log(two_link.with_values(friction), "a", **made)
+    found = compare(two_link, log, after)
     name = next(n for n in found.row_names() if n.startswith("elbow.F"))
     row = found[name]
     assert (row.verdict, row.details["what"]) == ("changed", "friction of elbow")

@@ -6,22 +6,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import Log, Noise, Robot, analyze, simulate
+from identifiability import Log, Noise, analyze, simulate
 from identifiability.logs.conventions import Conventions
 from identifiability.quality.recordings import read_logs
 from identifiability.simulation import PrescribedMotion, random_trajectory
 
 
 @pytest.fixture(scope="module")
-def logs():
+def logs(two_link):
     """Three motions of one robot."""
-    robot = Robot.load("two-link")
     rng = np.random.default_rng(3)
     found = []
     for name in ("first", "second", "third"):
-        motion = random_trajectory(robot, rng, samples=1500)
+        motion = random_trajectory(two_link, rng, samples=1500)
         noise = Noise(torque=0.02)
-        log = simulate(robot, PrescribedMotion.of(motion), noise=noise, rng=rng)
+        log = simulate(two_link, PrescribedMotion.of(motion), noise=noise, rng=rng)
         found.append(replace(log, name=name))
     return found
 

@@ -139,11 +139,11 @@ def partly(frame, tau):
 
 
 @pytest.mark.parametrize("tau", [None, np.nan])
-def test_a_joint_without_torque_keeps_its_motion_and_loses_its_equations(tau, arm):
+def test_a_joint_without_torque_keeps_its_motion_and_loses_its_equations(tau, arm, two_link):
     log, samples = partly(arm, tau)
     assert log.unmeasured[:, 1].all()
     how = Preparation(keep_rest=True)
-    whole = prepare_log(Robot.load("two-link"), Log.from_frame(arm), how)
+    whole = prepare_log(two_link, Log.from_frame(arm), how)
     assert_array_equal(samples.motion.q, whole.motion.q)
     assert not samples.weight[:, 1].any()
     assert Log.from_frame(log.to_frame(), "log", known()).rows(3, 9).unmeasured[:, 1].all()
@@ -156,7 +156,7 @@ def test_a_joint_without_torque_keeps_its_motion_and_loses_its_equations(tau, ar
     assert "'elbow.tau' is empty or not there in every row" in said
 
 
-def test_torque_that_is_missing_for_a_while_is_left_out_there(arm):
+def test_torque_that_is_missing_for_a_while_is_left_out_there(arm, two_link):
     gone = np.isin(np.arange(len(arm)), [7, *range(60, 90)])
     log, samples = partly(arm, np.where(gone, np.nan, arm["elbow.tau"]))
     assert_array_equal(samples.weight[:, 1], ~gone)
@@ -167,7 +167,7 @@ def test_torque_that_is_missing_for_a_while_is_left_out_there(arm):
     assert np.isfinite(log.tau).all()
     # Decimated, the filter mixes what is missing with what is beside; one value alone is known.
     how = Preparation(derivatives="butterworth", cutoff=5.0, decimate=4, keep_rest=True)
-    found = prepare_log(Robot.load("two-link"), log, how).weight[:, 1] == 0
+    found = prepare_log(two_link, log, how).weight[:, 1] == 0
     assert found[56:94].all()
     assert not found[:50].any()
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability import Log, Preparation, Robot, prepare_log
+from identifiability import Log, Preparation, prepare_log
 
 from ..conftest import cell
 
@@ -66,6 +66,6 @@ def test_a_data_frame_hashes_its_values_and_nothing_else(arm):
         ({"decimate": 60}, "too short to be decimated by 60: of its 200 samples fewer than 20"),
     ],
 )
-def test_preparations_that_cannot_be_are_refused(how, sentence, bare, rejected):
+def test_preparations_that_cannot_be_are_refused(how, sentence, bare, rejected, two_link):
     with rejected(sentence):
-        prepare_log(Robot.load("two-link"), Log.from_frame(bare), Preparation(**how))
+        prepare_log(two_link, Log.from_frame(bare), Preparation(**how))

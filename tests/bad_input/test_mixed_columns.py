@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from identifiability import Log, Preparation, Robot
+from identifiability import Log, Preparation
 from identifiability.logs.conventions import Conventions
 from identifiability.quality.recordings import read_recordings
 
 
 @pytest.mark.parametrize("column", ["elbow.dq", "elbow.ddq"])
 def test_derivatives_that_contradict_positions_are_computed_unless_they_are_asked_for(
-    column, arm, write, read_long
+    column, arm, write, read_long, two_link
 ):
     """Short and long logs alike; what does not contradict is used."""
-    known = Conventions.of(Robot.load("two-link"))
+    known = Conventions.of(two_link)
     path = write("log.csv", arm.assign(**{column: np.roll(arm[column], 20)}))
     given = Preparation(derivatives="given")
     for log in (Log.read(path, known), read_long(path, known)):

@@ -83,17 +83,16 @@ def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
         ("stribeck_friction@elbw:0.1", "has no parameter at 'elbw' of two-link"),
     ],
 )
-def test_effects_that_cannot_live_there_are_refused(text, sentence, rejected):
+def test_effects_that_cannot_live_there_are_refused(text, sentence, rejected, two_link):
     with rejected(sentence):
-        Model.of("rigid_body", text).parameters(Robot.load("two-link"))
+        Model.of("rigid_body", text).parameters(two_link)
 
 
-def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(log, tmp_path):
-    shipped = Robot.load("two-link")
-    for part in (shipped.path, shipped.sidecar):
+def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(log, tmp_path, two_link):
+    for part in (two_link.path, two_link.sidecar):
         (tmp_path / part.name).write_bytes(part.read_bytes())
     (tmp_path / "ladder.toml").write_text('[[models]]\nname = "mine"\n')
-    beside = Robot.load(tmp_path / shipped.path.name)
+    beside = Robot.load(tmp_path / two_link.path.name)
     result = analyze(beside, log, replicates=0, cad_prior=0.5, method="ols")
     found = json.loads(json.dumps(result.to_dict()["provenance"]))
     ladder = beside.path.with_name("ladder.toml")

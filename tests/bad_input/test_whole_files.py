@@ -121,7 +121,7 @@ def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path,
     assert len(before) == 2
 
 
-def test_a_sidecar_takes_no_other_files_name(tmp_path, rejected):
+def test_a_sidecar_takes_no_other_files_name(tmp_path, rejected, two_link):
     rps = Robot.load("3-rps")
     path = tmp_path / "copy.xml"
     beside = tmp_path / "copy.toml"
@@ -131,7 +131,7 @@ def test_a_sidecar_takes_no_other_files_name(tmp_path, rejected):
     assert list(files_in(tmp_path)) == [beside]
     beside.write_text("name = 'other'")
     bare = tmp_path / "bare.xml"
-    bare.write_bytes(Robot.load("two-link").path.read_bytes())
+    bare.write_bytes(two_link.path.read_bytes())
     with rejected(r"would be read as the sidecar of .*copy.xml'; give"):
         write_parameters(Robot.load(bare), {}, path)
     own = tmp_path / "own.xml"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import Model, Noise, Robot, analyze, prepare_log
+from identifiability import Model, Noise, analyze, prepare_log
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
@@ -26,10 +26,9 @@ def make_log(robot):
 
 
 @pytest.fixture(scope="module", params=FUNCTIONS)
-def learned(request, tmp_path_factory):
-    robot = Robot.load("two-link")
+def learned(request, tmp_path_factory, two_link):
     ladder = LadderEntry(models=[ModelEntry(name="learned", effects=[*USUAL, request.param])])
-    result = analyze(robot, make_log(robot), ladder=ladder, replicates=0)
+    result = analyze(two_link, make_log(two_link), ladder=ladder, replicates=0)
     return result, result.to_json(tmp_path_factory.mktemp("learned") / "result.json")
 
 

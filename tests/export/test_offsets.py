@@ -74,15 +74,14 @@ LEVELS = {"shoulder.Fc+": 3.0, "shoulder.Fc-": 1.0, "shoulder.off": 1.5, "elbow.
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory):
+def told(tmp_path_factory, two_link):
     """A result of an arm whose torque is offset, and a log that was not fitted."""
-    robot = Robot.load("two-link")
     folder = tmp_path_factory.mktemp("offsets")
     logs = [
-        shipped_log(robot, motion, 200, noise=Noise(torque=0.02), parameters=LEVELS, seed=k)
+        shipped_log(two_link, motion, 200, noise=Noise(torque=0.02), parameters=LEVELS, seed=k)
         for k, motion in enumerate("ab")
     ]
-    result = analyze(robot, logs[0], replicates=0)
+    result = analyze(two_link, logs[0], replicates=0)
     return result, result.to_json(folder / "result.json"), logs[1]
 
 

@@ -12,20 +12,19 @@ from identifiability.workflows.export.workflow import save_robot
 
 
 @pytest.fixture
-def runs(tmp_path):
+def runs(tmp_path, two_link):
     """A function that returns a robot, and a log of it for each mass of a load [kg]."""
 
     def simulate_runs(*loads):
-        robot = Robot.load("two-link")
         rng = np.random.default_rng(7)
         logs = []
         for load in loads:
-            values = {"link2.m": robot.nominal["link2.m"] + load}
-            machine = Robot.load(save_robot(robot, values, tmp_path / f"machine{load}.xml"))
+            values = {"link2.m": two_link.nominal["link2.m"] + load}
+            machine = Robot.load(save_robot(two_link, values, tmp_path / f"machine{load}.xml"))
             motion = find_motion(machine, "random", 400, rng)
             log = simulate(machine, motion, noise=Noise(torque=0.01), rng=rng)
             logs.append(replace(log, name=f"run{len(logs)}"))
-        return robot, *logs
+        return two_link, *logs
 
     return simulate_runs
 

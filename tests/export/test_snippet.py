@@ -69,9 +69,9 @@ def test_file_and_snippet_have_the_torque_of_file_and_sidecar(
     assert np.sqrt(np.mean((both - stated) ** 2)) < 0.02 * lacks
 
 
-def test_presliding_is_dry_friction_beyond_its_ways_in_a_plain_file(tmp_path):
+def test_presliding_is_dry_friction_beyond_its_ways_in_a_plain_file(tmp_path, two_link):
     given = {"elbow.Fc": 0.2, "elbow.H1": 0.1, "elbow.H3": 0.3}
-    written = write_parameters(Robot.load("two-link"), given, tmp_path / "fit.xml")
+    written = write_parameters(two_link, given, tmp_path / "fit.xml")
     both = Robot.load(written.robot)
     assert {name: both.nominal[name] for name in given} == pytest.approx(given)
     written.sidecar.unlink()

@@ -73,8 +73,10 @@ def test_a_joint_may_have_the_name_of_the_base_or_of_a_body(ending, load_text, t
     )
 
 
-def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(load_text, tmp_path):
-    text = Robot.load("two-link").path.read_text()
+def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(
+    load_text, tmp_path, two_link
+):
+    text = two_link.path.read_text()
     robot = load_text(text.replace("<worldbody", '<option gravity="9.81 0 0"/><worldbody', 1))
     motion = random_motion(robot, default_rng(0), 10)
     copy = Robot.load(write_parameters(robot, {}, tmp_path / "copy.urdf").robot)

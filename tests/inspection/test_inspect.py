@@ -33,10 +33,9 @@ def gripper(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def run():
-    robot = Robot.load("two-link")
-    path = random_trajectory(robot, np.random.default_rng(3), samples=1200)
-    return simulate(robot, PrescribedMotion.of(path, 1200), derivatives=False)
+def run(two_link):
+    path = random_trajectory(two_link, np.random.default_rng(3), samples=1200)
+    return simulate(two_link, PrescribedMotion.of(path, 1200), derivatives=False)
 
 
 def look(log, **spoilt):

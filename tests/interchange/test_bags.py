@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability import IdentifiabilityError, Log, Robot
+from identifiability import IdentifiabilityError, Log
 from identifiability.foundation.names import Renames
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.bags import read_bag
@@ -81,13 +81,13 @@ def test_one_of_several_topics_is_named_behind_a_colon(frame, states, write_bag)
 
 
 def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(
-    frame, states, write_bag, rejected
+    frame, states, write_bag, rejected, two_link
 ):
     arm = list(states(frame, JOINTS))
     finger = list(states(frame.rename(columns=lambda c: c.replace("elbow", "finger")), ["finger"]))
     bag = write_bag({"/joint_states": [m for pair in zip(arm, finger, strict=True) for m in pair]})
     assert "tell of different joints (shoulder, elbow; then finger)" in refused(bag)
-    known = Conventions.of(Robot.load("two-link"))
+    known = Conventions.of(two_link)
     log = Log.read(bag, known)
     check(log, frame)
     assert log.notes == ("messages that do not tell of the robot's joints were passed over",)

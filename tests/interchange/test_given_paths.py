@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import pytest
 
-from identifiability import Log, Robot
+from identifiability import Log
 from identifiability.foundation.names import shorten_paths
 
 from ..marks import everything
@@ -23,11 +23,11 @@ APART = (["run.csv", "x/run.csv"], [])
 
 
 @pytest.fixture
-def folder(tmp_path, simulated, states, write_bag, monkeypatch):
+def folder(tmp_path, simulated, states, write_bag, monkeypatch, two_link):
     """A folder with a robot and logs of equal names, in which one is."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my arm").mkdir()
-    (tmp_path / ROBOT).write_bytes(Robot.load("two-link").path.read_bytes())
+    (tmp_path / ROBOT).write_bytes(two_link.path.read_bytes())
     names = ["run.csv", *EQUAL_NAMES[0], *EQUAL_NAMES[1], "bag1", "bag2", "bag3"]
     for seed, name in enumerate(names):
         log = simulated("two-link", "ab"[seed % 2], seed=seed, samples=200)

@@ -7,7 +7,7 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
-from identifiability import Log, Noise, Robot, analyze, calibrate, export, simulate
+from identifiability import Log, Noise, analyze, calibrate, export, simulate
 from identifiability.estimation.noise import LaggedProducts, whiten, whitening_filter
 from identifiability.foundation.rounding import state_probability
 from identifiability.regression.reduction import LadderEntry, ModelEntry
@@ -55,7 +55,7 @@ def test_slow_noise_is_no_effect(logs, rho):
         assert "With care: the model lacks" not in found.statement
 
 
-def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, tmp_path):
+def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, tmp_path, two_link):
     found = analyze("two-link", logs(0.5, 1, stribeck=2.0), validate=logs(0.5, 2, stribeck=2.0))
     (name,) = found.missing.functions
     assert name == "Stribeck friction in elbow"
@@ -77,7 +77,7 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     asked = calibrate(found, replicates=20, refits=40)
     assert asked.word != "yes" or "diagnose" in asked.statement
     verdict = {v.name: v for v in found.chosen.verdicts}["elbow.Fc"]
-    truth = Robot.load("two-link").nominal["elbow.Fc"]
+    truth = two_link.nominal["elbow.Fc"]
     low, high = verdict.interval95
     assert low < truth < high or "model in doubt" in verdict.flags
     replaced = [row for row in found.chosen.rows() if row["used_because"]]
@@ -105,8 +105,8 @@ def test_a_sign_that_physics_forbids_is_in_doubt_however_certain(logs):
     assert "diagnose" in found.next()[0][1]
 
 
-def test_the_card_warns_by_fitted_and_unseen_rows_together():
-    robot, rng = Robot.load("two-link"), default_rng(0)
+def test_the_card_warns_by_fitted_and_unseen_rows_together(two_link):
+    robot, rng = two_link, default_rng(0)
     short, long = (
         simulate(
             robot,

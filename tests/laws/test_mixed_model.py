@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal, norm
 
-from identifiability import Log, Robot, prepare_log
+from identifiability import Log, prepare_log
 from identifiability.effects import find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import Missing, with_reversals
@@ -194,11 +194,10 @@ def test_a_function_of_two_effects_gives_way_to_both(rows):
 
 
 @pytest.fixture(scope="module")
-def arm():
-    robot = Robot.load("two-link")
-    frame = shipped_log(robot, "a", 900).to_frame()
-    structure = Structure.of(robot, ladder_model(default_ladder(robot)))
-    return robot, frame, structure
+def arm(two_link):
+    frame = shipped_log(two_link, "a", 900).to_frame()
+    structure = Structure.of(two_link, ladder_model(default_ladder(two_link)))
+    return two_link, frame, structure
 
 
 def drawn(arm, seed, rho, effect=None, until=1.0):

@@ -5,16 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Noise, Robot, analyze, simulate
+from identifiability import Noise, analyze, simulate
 from identifiability.simulation import random_trajectory
 
 
 @pytest.fixture(scope="module")
-def measured():
-    robot = Robot.load("two-link")
+def measured(two_link):
     rng = np.random.default_rng(4)
-    motion = random_trajectory(robot, rng, period=8.0)
-    return robot, simulate(robot, motion, noise=Noise(torque=0.02), rng=rng)
+    motion = random_trajectory(two_link, rng, period=8.0)
+    return two_link, simulate(two_link, motion, noise=Noise(torque=0.02), rng=rng)
 
 
 def magnitudes_of(result):

@@ -141,8 +141,10 @@ def test_a_certificate_says_by_what_bounds_refuse(problem):
     assert "within the bounds" in answer.sentence(region.columns)
 
 
-def test_where_no_robot_within_its_bounds_predicts_the_first_that_is_said_is_that(tmp_path, rng):
-    motion = find_motion(Robot.load("two-link"), "random", 800, rng)
+def test_where_no_robot_within_its_bounds_predicts_the_first_that_is_said_is_that(
+    tmp_path, rng, two_link
+):
+    motion = find_motion(two_link, "random", 800, rng)
     log = simulate("two-link", motion, noise=Noise(torque=0.1), rng=rng)
     heavy = tmp_path / "heavy.toml"
     for mass, refused in (("[0, 60]", False), ("[12, 60]", True)):

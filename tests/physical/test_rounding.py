@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from identifiability import Robot, analyze
+from identifiability import analyze
 from identifiability.physical.feasibility import certify_model
 from identifiability.physical.fitted_model import FittedModel
 
@@ -12,10 +12,9 @@ from ..conftest import shipped_log
 
 
 @pytest.fixture(scope="module")
-def arm():
+def arm(two_link):
     """A two-link arm whose elbow has no rotor."""
-    robot = Robot.load("two-link")
-    return replace(robot, nominal=dict(robot.nominal) | {"elbow.Ia": 0.0})
+    return replace(two_link, nominal=dict(two_link.nominal) | {"elbow.Ia": 0.0})
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import Analysis, Log, Robot, analyze, diagnose, predict, prune
+from identifiability import Analysis, Log, analyze, diagnose, predict, prune
 from identifiability.foundation.rounding import REACH
 from identifiability.robot.sidecar import KnownTorque
 
@@ -37,9 +37,9 @@ def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis):
         assert f" are too {says}" in replace(found, low=times * found.low).details
 
 
-def test_written_torque_is_that_of_the_log_where_the_sidecar_states_a_spring():
+def test_written_torque_is_that_of_the_log_where_the_sidecar_states_a_spring(two_link):
     spring = KnownTorque(along="elbow", polynomial=[3.0, 1.0])
-    robot = replace(Robot.load("two-link"), known_torque=(spring,))
+    robot = replace(two_link, known_torque=(spring,))
     log = noisy("a", 1)
     raw = analyze(robot, log, quick=True).predict(log).as_logged.raw
     assert_allclose(raw, log.tau, atol=1e-9)
@@ -212,12 +212,11 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, tmp_path, rejected):
     assert not half.known[:, 0].any()
 
 
-def test_torque_moves_the_robot_as_it_moved():
-    right = Robot.load("two-link")
+def test_torque_moves_the_robot_as_it_moved(two_link):
     log = clean("a")
-    name = f"{right.bodies[-1]}.m"
-    heavy = right.with_values({name: 1.2 * right.nominal[name]})
-    found = predict(right, heavy, log, forward=True)
+    name = f"{two_link.bodies[-1]}.m"
+    heavy = two_link.with_values({name: 1.2 * two_link.nominal[name]})
+    found = predict(two_link, heavy, log, forward=True)
     true, wrong = found.totals
     assert true < 0.02  # of a torque that was sampled
     assert wrong > 5 * true

@@ -56,12 +56,11 @@ def test_a_curve_that_was_used_can_be_sent_to_a_worker():
     assert_array_equal(pickle.loads(pickle.dumps(known)).force(np.ones(2)), [3, 3])
 
 
-def test_a_known_torque_is_simulated_and_taken_off_again(tmp_path):
+def test_a_known_torque_is_simulated_and_taken_off_again(tmp_path, two_link):
     """What is left is the torque of the robot without it, and its values come back."""
     robot = with_sidecar(tmp_path, "two-link", CABLE)
-    plain = Robot.load("two-link")
     log = log_of(robot)
-    bare = log_of(plain)
+    bare = log_of(two_link)
     table = KnownTorque(along="elbow", table=[[2, -1.5], [-4, 0.4], [0.3, 0.9], [4, 2]])
     elbow = list(robot.joints).index("elbow")
     added = np.zeros_like(bare.tau)
@@ -69,7 +68,7 @@ def test_a_known_torque_is_simulated_and_taken_off_again(tmp_path):
     assert_allclose(log.tau, bare.tau + added, atol=1e-12)
     how = Preparation(keep_rest=True)
     samples = prepare_log(robot, log, how)
-    assert_allclose(samples.tau, prepare_log(plain, bare, how).tau, atol=1e-9)
+    assert_allclose(samples.tau, prepare_log(two_link, bare, how).tau, atol=1e-9)
     assert any(
         "known torque was taken off" in note and "4 points" in note for note in samples.notes
     )
@@ -106,11 +105,11 @@ def test_a_line_is_the_spring_of_the_robot_file(tmp_path, joint):
     assert_allclose(prepare_log(robot, log, how).tau, bare.tau, atol=1e-7)
 
 
-def test_nothing_is_extrapolated(tmp_path, rejected):
+def test_nothing_is_extrapolated(tmp_path, rejected, two_link):
     """Beyond a table, or the range of a polynomial, log and simulation are refused."""
     text = '[[known_torque]]\nalong = "elbow"\npolynomial = [0, 1]\nrange = [-0.1, 0.1]\n'
     robot = with_sidecar(tmp_path, "two-link", text)
-    log = log_of(Robot.load("two-link"))
+    log = log_of(two_link)
     with rejected(r"'elbow' is at .* from -0\.1 to 0\.1: .* lie outside"):
         prepare_log(robot, log)
     with rejected("nothing is extrapolated"):

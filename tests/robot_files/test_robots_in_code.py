@@ -174,9 +174,9 @@ LINK = {"name": "a", "joint": "j"}
         (lambda _: Robot.build([{"name": "a", "jiont": "j"}]), "jiont"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_sentence(change, sentence, rejected):
+def test_what_cannot_be_is_refused_in_one_sentence(change, sentence, rejected, two_link):
     with rejected(sentence):
-        change(Robot.load("two-link"))
+        change(two_link)
 
 
 def test_a_load_on_several_ends_must_be_told_where(rejected):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability import Log, Robot
+from identifiability import Log
 from identifiability.logs.prepare import excerpt
 from identifiability.logs.prepare.excerpt import prepare_excerpt
 
@@ -34,13 +34,13 @@ def test_the_same_stretches_are_looked_at(derivatives, few, sizes, frame_of, sav
 
 
 @pytest.mark.parametrize("derivatives", [True, False])
-def test_windows_lie_where_the_joints_move(derivatives, few, sizes, frame_of, saved):
+def test_windows_lie_where_the_joints_move(derivatives, few, sizes, frame_of, saved, two_link):
     frame = frame_of("two-link", periods=7, samples=2000, derivatives=derivatives)
     moving = (2000, 8000)
     still = (frame.index < moving[0]) | (frame.index > moving[1])
     frame.loc[still, [c for c in frame if c.endswith(".q")]] = 0.3
     sizes()
-    found = prepare_excerpt(Robot.load("two-link"), Log.read(saved(frame)), None, 120)
+    found = prepare_excerpt(two_link, Log.read(saved(frame)), None, 120)
     first, last = frame.t[list(moving)]
     times = found.output_times()
     assert np.mean((times >= first) & (times <= last)) > 0.9

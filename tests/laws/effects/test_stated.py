@@ -51,9 +51,9 @@ def drag(request):
 
 
 @pytest.fixture(scope="module")
-def pushed():
+def pushed(two_link):
     """A log of the two-link arm whose elbow is driven by what brakes its shoulder."""
-    log = shipped_log(Robot.load("two-link"), "a", 300)
+    log = shipped_log(two_link, "a", 300)
     tau = log.tau.copy()
     tau += [0.05, -0.05] * log.dq**3
     tau += 1e-3 * np.random.default_rng(0).normal(size=tau.shape)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability import Model, Robot
+from identifiability import Model
 from identifiability.foundation.names import Parameter
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -77,13 +77,14 @@ def test_only_the_first_model_names_effects(rejected):
     assert ladder_model(one).names == ("rigid_body",)
 
 
-def test_the_default_ladder_ends_without_offsets_and_none_is_named_where_mass_stands_for_it():
-    rig = Robot.load("two-link")
-    entry = default_ladder(rig)
-    full, none = build_ladder(entry, Structure.of(rig, ladder_model(entry)))
+def test_the_default_ladder_ends_without_offsets_and_none_is_named_where_mass_stands_for_it(
+    two_link,
+):
+    entry = default_ladder(two_link)
+    full, none = build_ladder(entry, Structure.of(two_link, ladder_model(entry)))
     assert set(full.columns) - set(none.columns) == {"shoulder.off", "elbow.off"}
-    base = Structure.of(rig, ladder_model(entry)).base
+    base = Structure.of(two_link, ladder_model(entry)).base
     alone = replace(base, kept=base.kept[:-2], G=base.G[:-2])
     assert not any(n.endswith(".off") for n in alone.names)
-    first, second = build_ladder(entry, Structure(rig, Model(()), alone))
+    first, second = build_ladder(entry, Structure(two_link, Model(()), alone))
     assert first.columns == second.columns

@@ -8,7 +8,7 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
-from identifiability import Noise, Robot, analyze, prepare_log, simulate
+from identifiability import Noise, analyze, prepare_log, simulate
 from identifiability.estimation.evidence import Score
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.feasibility import choose_prior
@@ -98,16 +98,17 @@ def logs_of(robot, seeds, samples=300):
 
 
 @pytest.fixture(scope="module")
-def weighed():
+def weighed(two_link):
     """The weight of the file's bodies where these are right, and half as heavy as they should."""
-    right = Robot.load("two-link")
-    double = {n: 2.0 * x for n, x in right.nominal.items() if n.rpartition(".")[0] in right.bodies}
-    log, unseen, other = logs_of(right, (1, 2, 3))
-    heavy = logs_of(right.with_values(double), (1,))[0]
+    double = {
+        n: 2.0 * x for n, x in two_link.nominal.items() if n.rpartition(".")[0] in two_link.bodies
+    }
+    log, unseen, other = logs_of(two_link, (1, 2, 3))
+    heavy = logs_of(two_link.with_values(double), (1,))[0]
     how = {"replicates": 0, "estimator": "ls"}
     return (
-        [analyze(right, log, fixed, **how) for fixed in ((), unseen, other)],
-        analyze(right, heavy, **how),
+        [analyze(two_link, log, fixed, **how) for fixed in ((), unseen, other)],
+        analyze(two_link, heavy, **how),
     )
 
 
@@ -177,8 +178,8 @@ def impossible(structure):
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.15])
-def test_values_that_hold_everywhere_stand_though_no_robot_has_them(noise):
-    told = plant(Robot.load("two-link"), impossible, noise)
+def test_values_that_hold_everywhere_stand_though_no_robot_has_them(noise, two_link):
+    told = plant(two_link, impossible, noise)
     assert not told.feasible
     assert not told.physical.as_good
     assert not told.physical_used
