@@ -41,8 +41,9 @@ EXCERPT = (24_000, 12, 2_000)
 WARM = "warm"
 #: The pattern of the weight of a load without its inertia.
 WEIGHS = "weight"
-#: Functions that the model may lack in all logs alike.
+#: What the model may lack in all logs alike.
 LACKS = (
+    "actuator_inertia",
     "function_of_velocity",
     "load_dependent_friction",
     "function_of_load",

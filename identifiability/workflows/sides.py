@@ -146,7 +146,8 @@ def find_differences(
     # A load hangs from the base as it stands, and the model may have found that this is tilted.
     robot, _ = apply_tilt(structure.robot, stated)
     motions = [piece.motion for piece in seen.pieces]
-    lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
+    has = structure.present - _list_left_out(structure, known)
+    lacks, _ = list_candidates(robot, find_families(LACKS), has, motions, fixed=False)
     # Torque of a wrong scale, which the model has found, is read as it should have been.
     right = without_scales(robot, stated)
     read = replace(seen, robot=robot, y=seen.y @ right, raw=seen.raw @ right)
@@ -162,6 +163,13 @@ def find_differences(
         warms=warms,
         weights=weights,
     )
+
+
+def _list_left_out(structure: Structure, known: Known) -> set[tuple[str, str]]:
+    """Return the effects that a reduced model leaves out: another motion may show them."""
+    rows = zip(structure.base.names, known.directions, strict=True)
+    held = {name for name, row in rows if not row.any()}
+    return {(p.group, p.owner) for p in structure.parameters if p.name in held}
 
 
 def list_patterns(logs: int, later: int, single: int) -> list[Array]:

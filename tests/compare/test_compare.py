@@ -10,8 +10,10 @@ import pytest
 from numpy.random import default_rng
 
 from identifiability import Noise, Robot, compare, simulate
+from identifiability.regression.reduction import USUAL_EFFECTS, LadderEntry, ModelEntry
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
+from identifiability.simulation.motion import find_motion
 
 from ..conftest import both_motions
 
@@ -216,6 +218,21 @@ def test_the_command_answers_first_and_writes_what_was_asked(succeeds, tmp_path)
     assert "Friction of elbow rose" in text
     assert "friday.csv (2024-03-09)" in text
     assert text.count("were read in seconds") == 1
+
+
+@pytest.mark.parametrize("model", [{"zero": ["elbow.Ia"]}, {"effects": [*USUAL_EFFECTS[:-1]]}])
+def test_a_rotor_that_the_model_lacks_is_no_change(model):
+    robot = Robot.load(PLANAR)
+    rng = default_rng(2)
+    first, second = (
+        simulate(
+            robot, find_motion(robot, "random", 1200, rng), noise=Noise(additive=0.01), rng=rng
+        )
+        for _ in "ab"
+    )
+    ladder = LadderEntry(models=[ModelEntry(name="n", **model)])
+    found = compare(robot, first, replace(second, name="b"), ladder=ladder)
+    assert (found.changes, found.lacks) == ((), ("actuator inertia in elbow",))
 
 
 @pytest.mark.parametrize("name, motion", [(PLANAR, 0), ("five-bar", 1)])
