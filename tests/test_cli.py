@@ -2,11 +2,15 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pandas as pd
 
 import identifiability
 from identifiability.cli import common
+from identifiability.foundation.answers import Answer
+from identifiability.foundation.findings import Finding
+from identifiability.report.answers.common import after_colon
 
 
 def test_simulated_logs_are_analyzed(succeeds, tmp_path):
@@ -59,3 +63,13 @@ def test_a_pipe_gets_the_time_that_all_takes_every_half_minute(monkeypatch, caps
 def test_the_version_is_printed(succeeds):
     said = succeeds("--version").output
     assert said == f"identifiability {identifiability.__version__}\n"
+
+
+def test_a_note_that_leads_an_answer_is_printed_once(capsys):
+    notes = [Finding("alternative", text=f"The clock of {name} is late.") for name in "AB"]
+    led = Answer("May I trust it?", f"With care: {after_colon(notes[0])}.")
+    none = dict.fromkeys(("tables", "ledger", "next"), list)
+    result = SimpleNamespace(answers=lambda: [led], warnings=(), remarks=notes, **none)
+    common.print_result(result)
+    printed = capsys.readouterr()
+    assert [(printed.out + printed.err).count(f"clock of {name}") for name in "AB"] == [1, 1]

@@ -328,6 +328,10 @@ def test_wrong_gains_of_little_effect_or_hidden_by_friction_are_found(tmp_path, 
     (said,), *_ = find_odd_joints(robot, found)
     gains = r"'wrist_pitch' of 1(3\.[3-8]|0\.[89]|1\.[0-5])|'shoulder' of 12\.[5-7]"
     assert re.search(gains, said)
+    assert said.told
+    # A kv that the logs do not show is no finding.
+    assert ("kv = " in said) == ("takes kv to be off" in said)
+    assert "and a kv" not in said
 
 
 def test_the_gain_of_the_joint_with_most_of_the_error_is_tried_whatever_it_promises(

@@ -553,11 +553,11 @@ def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -
     places = explanation.numbers % len(robot.joints)
     j = places[0]
     factor = np.exp(value) if kind == "kp" else 1.0
-    is_weak = kind == "kp" and servo.kp[j] and explanation.over[KINDS.index("kv"), j]
+    scaled = kind == "kp" and servo.kp[j] and explanation.over[KINDS.index("kv"), j]
     joints = [robot.joints[k] for k in places]
     return phrase(
         "odd_joint",
-        "weak" if is_weak else kind,
+        "weak" if scaled and not explanation.is_open else kind,
         joints=joints,
         joint=joints[0],
         gain=servo.gain[j],
