@@ -86,7 +86,9 @@ def test_what_cannot_be_is_refused(made, rejected):
     robot, empty, loaded = made
     with rejected("give the centre, too"):
         payload(robot, empty, loaded, mass=3.0)
-    with rejected("and this its mass"):
+    with rejected("give the centre in metres"):
+        payload(robot, empty, loaded, mass=3.0, centre=(0.0, 0.0, 100.0))
+    with rejected("needs its mass"):
         payload(robot, empty, loaded, centre=(0.0, 0.0, 0.1))
 
 
@@ -128,6 +130,7 @@ def test_gains_that_are_off_are_seen_by_what_the_arm_weighs(made):
     assert found.mass.value == pytest.approx(0.9 * 3.0, rel=0.03)
     assert "The ± of the mass contains torque constants that are off" in found.details
     common = payload(light, analyze(light, empty, replicates=0), loaded, empty, mass=3.0)
+    assert "of the result the load weighs 2." in common.answer
     sure = [g for g in common.gains if g.told]
     assert sure
     for g in sure:

@@ -48,6 +48,7 @@ from identifiability.logs.prepare.preparation import CommonPreparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
+from identifiability.physical.plausibility import measure_reach
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import (
     QUANTITIES,
@@ -55,6 +56,7 @@ from identifiability.physical.pseudo_inertia import (
     entry_scale,
     natural_scale,
 )
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality.recordings import LogLike, Logs, list_logs
 from identifiability.regression.columns import Candidate
 from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
@@ -457,10 +459,11 @@ class KnownLoad:
     centre: Point | None
     inertia: Point | None
 
-    def check(self, empty: Sequence[LogLike], *, turns: bool) -> None:
+    def check(self, empty: Sequence[LogLike], reach: float, *, turns: bool) -> None:
         """Refuse a load that is known in part; logs instead of a result need more of it.
 
-        The centre of a load that the robot cannot turn has no torque.
+        The centre of a load that the robot cannot turn has no torque. None is many times farther
+        away than the robot reaches [m].
 
         Raises
         ------
@@ -470,6 +473,9 @@ class KnownLoad:
         centre = self.centre is not None
         if centre > mass or (self.inertia is not None) > centre:
             raise OptionError(Finding("load.moments"))
+        away = float(np.linalg.norm(self.centre or 0.0))
+        if away > PHYSICAL_RULES.widest * max(reach, 1.0):
+            raise OptionError(Finding("load.far", away=away, reach=reach))
         if empty and not mass:
             raise OptionError(Finding("load.mass"))
         if empty and turns and not centre:  # by one gain of all joints it would be found elsewhere
@@ -698,7 +704,7 @@ def payload(
         fit = None if empty else find_fit(cast("FitLike", result), case.robot)
         structure = _without_gains(case.robot) if fit is None else fit.structure
         place = choose_body(structure, body)
-        load.check(empty, turns=can_turn(structure, place))
+        load.check(empty, measure_reach(structure.robot), turns=can_turn(structure, place))
         if isinstance(robot, Case):
             sides, hints = _join_case(case, fit, structure, logs, run)
         else:

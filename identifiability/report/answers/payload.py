@@ -181,13 +181,22 @@ def _state_load(result: Load) -> str:
 
 
 def _state_gains(result: Load) -> str:
-    """Return the least and the largest gain by a mass that is known, in one sentence."""
+    """Return the least and the largest gain by a mass that is known, and what is odd of them."""
+    about = "payload.unit"
     sure = sorted((g for g in result.gains if g.told), key=lambda g: g.value)
     if not sure:
-        return sentence("payload.unit", "none")
+        return sentence(about, "none")
     each = [f"{format_measured(g.value, g.sigma)[0]} {g.unit} ({g.name})" for g in sure]
     ends = dict.fromkeys((each[0], each[-1]))
-    return sentence("payload.unit", "some", mass=result.known, gains=" … ".join(ends))
+    known = result.known or np.nan
+    text = sentence(about, "some", mass=known, gains=" … ".join(ends))
+    against = [g.name for g in sure if g.value < 0]
+    if against:
+        text += " " + sentence(about, "against", joints=against)
+    mass = result.mass
+    if result.fit and np.isfinite(mass.half) and not mass.low <= known <= mass.high:
+        text += " " + sentence(about, "weighs", mass=measured(mass.value, mass.sigma, "kg"))
+    return text
 
 
 def _answer_load(result: Load) -> Answer:
@@ -279,9 +288,7 @@ def _answer_trust(result: Load) -> Answer:
 
 def _answer_gains(result: Load) -> Answer:
     """Return the gains of torque columns, and those that a column in N·m or N does not have."""
-    told = [g for g in result.gains if g.told]
-    against = [g.name for g in told if g.value < 0]
-    off = [g.name for g in told if not g.low < np.sign(g.value) < g.high]
+    off = [g.name for g in result.gains if g.told and not g.low < np.sign(g.value) < g.high]
     unknown = {g.name: g.why for g in result.gains if not g.told}
     parts = []
     for part in ("load", "motors"):
@@ -289,8 +296,6 @@ def _answer_gains(result: Load) -> Answer:
         parts += [sentence("payload.how", f"no_{part}", joints=joints)] if joints else []
     if len(off) + len(unknown) < len(result.gains):
         parts.append(sentence("payload.unit", "off" if off else "right", joints=off))
-    if against:
-        parts.append(sentence("payload.unit", "against", joints=against))
     text = join_sentences(*parts)
     tone = "amber" if unknown else "blue"
     return Answer(sentence("payload.unit", "question"), result.answer, text, tone)
