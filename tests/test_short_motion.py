@@ -32,7 +32,7 @@ def test_no_identifiable_parameter_beside_good_predictions_is_explained(analysis
     assert found.chosen.error_ra_validation < 0.08
     count = len(found.chosen.submodel)
     use = found.details
-    assert "No parameter by itself, only the torque" in use
+    assert "Only the torque of like motion, no parameter by itself" in use
     assert f" of {count} values: " in use
     assert "Log longer and more varied motion." in use
     longer = analysis_of(150).details

@@ -57,7 +57,7 @@ from .blocks import (
     torque_traces,
 )
 from .figures import name_torque
-from .rollouts import rollout_moving
+from .rollouts import rollout_moving, section_positions
 from .skeleton import move_with_torque
 from .values_table import joint_values, offset_table
 
@@ -108,6 +108,7 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
     title = sentence("analysis.parameters", "title")
     return [
         section_values(analysis, title),
+        _positions(analysis),
         section_prediction(analysis),
         section_parameters(analysis),
         section_ladder(analysis),
@@ -117,6 +118,14 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
         None if analysis.belief is None else section_posterior(analysis),
         _how(analysis),
     ]
+
+
+def _positions(analysis: Analysis) -> Section | None:
+    """Return measured and simulated positions, if the answers are about these."""
+    moved = analysis.moved
+    if moved is None or not moved.follows:
+        return None
+    return section_positions(replace(moved, runs=moved.runs[1:]))
 
 
 # Parameters, and the models side by side.
@@ -227,7 +236,7 @@ def section_prediction(analysis: Analysis) -> Section:
         [robot.torque_units[k] for k in loaded],
         name,
     )
-    filtered = "" if np.array_equal(out.tau, out.raw) else ", low-passed as it was fitted"
+    filtered = "" if np.array_equal(out.tau, out.raw) else ", low-passed as in the fit"
     return section(
         "analysis.prediction",
         traces,
@@ -236,8 +245,7 @@ def section_prediction(analysis: Analysis) -> Section:
         filtered=filtered,
         what=what,
         What=what.capitalize(),
-        model=model_title(analysis.chosen),
-        kind="a log that" if analysis.validation else "stretches of a log that",
+        kind="not fitted" if analysis.validation else "left-out stretches",
         windows=_tell_windows(analysis),
     )
 

@@ -315,6 +315,7 @@ def label_axes(axes: Axes, x: str, y: str, title: str = "") -> None:
     if title:
         axes.set_title(
             for_svg(title, 44),
+            loc="right",  # where the legend ends: a long one may begin above the axis' label
             pad=26,
             color=INK,
             fontweight="bold",

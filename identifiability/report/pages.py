@@ -33,6 +33,7 @@ from identifiability.robot.kinematics import Point
 from .answers.common import NAMED, capital, hint_note, sentence, words
 from .answers.compare import list_loaded
 from .answers.diagnose import table_fitted
+from .answers.predict import moves_worse
 from .answers.tables import make_table, unit_cell
 from .blocks import (
     SHOWN_FIRST,
@@ -251,7 +252,8 @@ def section_effects(d: Diagnosis) -> Section | None:
         table = make_table("possible", map(_odds_row, d.possible))
         possible = Fold(sentence("diagnosis.possible"), (table,))
     blocks = (*d.tables()[:-1], curves, refuted, possible)
-    return section("diagnosis.effects", *blocks) if any(blocks) else None
+    use = sentence("diagnosis.use", "kept" if moves_worse(d.moved) else "fitted")
+    return section("diagnosis.effects", *blocks, use=use) if any(blocks) else None
 
 
 def _curves(d: Diagnosis, most: int) -> list[Picture]:

@@ -23,7 +23,7 @@ from identifiability.estimation.verdict import name_rows, to_row
 from identifiability.foundation.answers import Answer, Note, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, ModelError
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.keyed import Row, explain_combination, name_estimates
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.output import check_ending, write_text
@@ -191,7 +191,7 @@ def set_symbols(text: str) -> Markup:
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
     escaped = re.sub(
-        r"(?<=[\d)]) (?=[%σ×]|N·|N\b|mrad|mm|kg)|(?<=[Nmd]) (?=rms\b)",
+        r"(?<=[\d)]) (?=[%σ×]|N·|N\b|s\b|mrad|mm|kg)|(?<=[Nmd]) (?=rms\b)",
         "\u00a0",
         escaped,
     )
@@ -239,8 +239,11 @@ def build_page(result: Result) -> Page:
         title = robot if isinstance(robot, str) else robot.title or robot.name
         overline, subtitle = own
     shown = answer_first(result)
-    warnings = [note("decides", text=text) for text in result.warnings]
     said = " ".join(f"{one.short} {one.text}" for one in shown.answers)
+    # The answer on errors names the joint that errs most, unless another one refers to warnings.
+    uneven = () if "read the warning" in said else of_key(result.warnings, "uneven")
+    known = [x for x in uneven if f"{x.numbers['joint']}: " in said]
+    warnings = [note("decides", text=text) for text in result.warnings if text not in known]
     quantity = name_forces if pushes(result) else str
     hints = [hint_note(x) for x in result.remarks if first_sentence(x).lower() not in said.lower()]
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))

@@ -37,7 +37,7 @@ def rollout_heading(result: PositionPrediction) -> tuple[str, str]:
 
 def rollout_sections(result: PositionPrediction) -> list[Section | None]:
     """Return the sections of the page."""
-    return [section("rollout.joints", result.tables()[0]), _positions(result)]
+    return [section("rollout.joints", result.tables()[0]), section_positions(result)]
 
 
 def rollout_moving(result: PositionPrediction) -> Moving | None:
@@ -90,7 +90,7 @@ def _magnify(result: PositionPrediction) -> float:
     return float(10.0 ** np.floor(np.log10(largest)))
 
 
-def _positions(result: PositionPrediction) -> Section:
+def section_positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
     log = result.logs[0]
     robot = result.robot

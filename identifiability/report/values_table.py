@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.groups import shorten_places
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Cell, Column, Table
@@ -58,8 +57,8 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     lost = [k for k, each in sums.items() if k not in cells and {x.note for x in each} - none]
     titles = [column.title for column in kind_columns(robot, lost)[1:]]
     caption = sentence("values", "lost", lost=titles, section=parameters) if lost else ""
-    if doubts := [*rows_of.doubts]:
-        caption += sentence("values", "doubts", each=doubts)
+    if rows_of.doubted:
+        caption += sentence("values", "doubts")
     columns = kind_columns(robot, [*cells])
     gains = [Cell(", ".join(list_gains(servo, place))) for place in places]
     names = [Cell(x, note=sentence("values", "passive") if x in passive else "") for x in places]
@@ -119,8 +118,7 @@ class _ModelRows:
         self.fit = None if result.nothing or chosen.unjudged else result.fit
         self.known = {v.name: (v, used, why) for v, used, why in each}
         self.missing = chosen.fit.alternatives
-        self.lacked = result.missing.functions
-        self.doubts: dict[str, None] = {}
+        self.doubted = False
 
     def have(self, kind: str) -> bool:
         """Return whether the model, or the unpruned one, has parameters of a kind."""
@@ -159,8 +157,7 @@ class _ModelRows:
             other = stated_text(verdict.value - missing.change[k], verdict.sigma_label)
             chance = chance_text(missing.chance[k])
             return sentence("values", "rare", effect=effect, value=other, chance=chance)
-        lacks = "lacks" if effect in self.lacked else "may lack"
-        self.doubts[f"{lacks} {shorten_places(effect)}"] = None
+        self.doubted = True
         return sentence("values", "doubt")
 
     def show_moved(self, place: str) -> Cell:

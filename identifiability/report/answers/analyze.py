@@ -387,10 +387,10 @@ def state_interval(out: Prediction) -> str:
 
 
 def _name_kind(robot: Robot, v: Verdict) -> str:
-    """Return the kind of a value in words; nothing for a combination."""
+    """Return the kind of a value in words."""
     kinds: dict[str, str] = WORDS["analysis.known"]
     if v.others:
-        return ""
+        return kinds["combined"]
     kind = v.name.rpartition(".")[2]
     usual = "bodies" if kind in INERTIAL_KINDS else "other"
     return kinds["passive"] if v.place in robot.passive else kinds.get(kind, kinds[usual])

@@ -201,7 +201,9 @@ def find_command(effects: Sequence[str], line: str, part: str = "name") -> Comma
     """
     if not effects:
         return command("missing", line)
-    return command(part, line, names=list(map(shorten_places, effects)), count=effects)
+    one = len(effects) == 1
+    names = [*map(shorten_places, effects)] if one else [f"the {len(effects)} missing effects"]
+    return command(part, line, names=names, count=effects)
 
 
 class AnsweringPresenter(Presenter, ABC):

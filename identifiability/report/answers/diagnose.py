@@ -136,7 +136,9 @@ class DiagnosisPresenter(PredictingPresenter):
             return [command("keep", f"{judge} --json fitted.json --report report.html")]
         if d.included:
             line = with_model(partial("{} --ladder {} --report report.html".format, judge))
-            names = [name_place(e.name, name_places(e)) for e in d.effects[: d.included]]
+            used = d.effects[: d.included]
+            names = [name_place(e.name, name_places(e)) for e in used[: len(used) == 1]]
+            names = names or [f"the {len(used)} named effects"]
             file = Path(d.written("model") or "").name
             out.append(command("judge_written" if file else "judge", line, names=names, file=file))
         if undecided:
@@ -552,8 +554,13 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
     of_any = " or ".join(dict.fromkeys(d.robot.torque_units))
     for e in d.effects:
         equation = find_family(e.name).effect.equation
-        name = Cell(" or ".join(list_names(e)), note=equation)
         for p in e.placements:
+            here = name_place(e.name, p.place)
+            rivals = [
+                title_of(r.family) if r.place == p.place else name_place(*r) for r in p.rivals
+            ]
+            note = equation if p is e.placements[0] else ""
+            name = Cell(" or ".join([here, *rivals]), note=note)
             added = unit_cell(p.peak, units.get(p.place, of_any))
             named = name if p.sure else sentence("diagnosis.missing", "unsure")
             shape = _state_shape(d, e.name, p)
@@ -590,8 +597,6 @@ def table_fitted(d: Diagnosis) -> Table | None:
     rows = []
     for joint in d.robot.joints:
         names = [f"{joint}.{kind}" for kind in kinds]
-        if not any(name in fitted for name in names):
-            continue
         cells = [_fitted_cell(fitted.get(x), d.robot.nominal.get(x), plain.get(x)) for x in names]
         rows.append((joint, *cells))
     return Table.of("", kind_columns(d.robot, kinds), rows) if rows else None

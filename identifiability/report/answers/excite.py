@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -53,7 +53,12 @@ class ExcitationPresenter(AnsweringPresenter):
         for row in rows:
             row["position"] = span_cell(row["least"], row["largest"])
             row["range"] = span_cell(row["lower_limit"], row["upper_limit"])
-        return (make_table("motion", rows),)
+        alike = {*self.result.robot.position_units}
+        unit = alike.pop() if len(alike) == 1 else ""
+        each = {"q": f" [{unit}]", "dq": f" [{unit}/s]", "ddq": f" [{unit}/s²]"}
+        units = "" if unit else " [SI units]"
+        holes: dict[str, Any] = each if unit else dict.fromkeys(each, "")
+        return (make_table("motion", rows, units=units, **holes),)
 
     def statement(self) -> str:
         """Return the answer in plain words."""
@@ -168,8 +173,9 @@ def _answer_worth(result: Excitation) -> Answer:
 def _answer_safe(result: Excitation) -> Answer:
     """Return whether the robot may play the motion; the limit of each drive is in the details."""
     part = "assumed" if result.limits.assumed else "yes"
-    text = join_sentences(sentence("excitation.limits", "joints"), *_state_origins(result))
-    return replace(answer("excitation.safe", part, text), more=result.limits_statement)
+    told = result.limits_statement.removeprefix(sentence("excitation.limits", "joints"))
+    found = answer("excitation.safe", part, join_sentences(*_state_origins(result)))
+    return replace(found, more=told.lstrip())
 
 
 class NextMotionPresenter(Presenter):

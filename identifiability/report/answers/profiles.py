@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from identifiability.effects import FAMILIES, title_of
 from identifiability.effects.effect import EXPONENT
@@ -39,7 +40,8 @@ def answer_profiles(
             best = f"{family}@{place}:{curve.best:.3g}{more}"
             holes = {"stated": rounded, "unit": curve.number.unit, "best": best}
             said.append(sentence("analysis.bounds", "excluded", **holes))
-    return answer("analysis.bounds", "found", regions=" ".join(said))
+    found = answer("analysis.bounds", "found", regions=" ".join(said[:2]))
+    return replace(found, more=" ".join(said[2:]))
 
 
 def is_width(curve: Profile) -> bool:

@@ -77,8 +77,8 @@ for (const figure of document.querySelectorAll(".answers figure")) {
 function fitTable(box) {
   const table = box.parentNode;
   table.classList.remove("cards");
-  // Three values of a joint side by side are too narrow to read on a phone.
-  const values = phone.matches && table.querySelector("td.is-badge ~ td.is-badge ~ td.is-badge");
+  // Values of a joint side by side are too narrow to read on a phone.
+  const values = phone.matches && table.querySelector("td.is-badge ~ td.is-badge");
   const wide = values || box.scrollWidth > box.clientWidth + 1;
   table.classList.toggle("cards", wide && phone.matches);
   box.classList.toggle("wide", wide && !phone.matches);

@@ -18,9 +18,11 @@ function drawTraces(figure) {
     if (plot) plot.destroy();
     const [ink, line] = [colour("--muted"), colour("--line")];
     const strokes = [colour("--muted"), colour("--blue"), colour("--purple"), colour("--sky"), colour("--green")];
-    const named = { residual: "--vermilion", command: "--ink" };
+    const named = { residual: "--vermilion", command: "--ink", "fitted model": "--purple" };
     const paint = (name, k) => (named[name] ? colour(named[name]) : strokes[k]);
     const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
+    // What was measured lies wide and pale below what follows it.
+    const faint = (k) => k === 0 && data.names[0] === "measured" && data.names.length > 1;
     const limit = (name) => name.endsWith(" allowed") || name.startsWith("95 %");
     const edges = data.names.flatMap((name, k) => (limit(name) ? [k + 1] : []));
     const digits = (u, x) => (x == null ? "" : Number(x.toPrecision(4)).toString());
@@ -38,7 +40,7 @@ function drawTraces(figure) {
       legend: { live: true },
       axes: narrow ? [{ ...axis, size: 32 }, { ...axis, size: 54 }] : [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
-        label: limit(name) && both ? shared : name, class: both && limit(name) ? (k + 1 === edges[1] ? "upper" : "band") : undefined, stroke: limit(name) ? colour("--blue") : paint(name, k), width: name.startsWith("95 %") ? 0.4 : k ? 1.4 : 2.6,
+        label: limit(name) && both ? shared : name, class: both && limit(name) ? (k + 1 === edges[1] ? "upper" : "band") : undefined, stroke: limit(name) ? colour("--blue") : faint(k) ? `color-mix(in srgb, ${paint(name, k)} 50%, transparent)` : paint(name, k), width: name.startsWith("95 %") ? 0.4 : faint(k) ? 5 : k ? 1.4 : 2.6,
         value: limit(name) && both ? ends : digits, dash: name.endsWith(" allowed") || name === "command" ? [6, 4] : [],
         points: { show: false },
       }))],
