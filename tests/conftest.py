@@ -263,9 +263,15 @@ def rejected():
     return lambda pattern: pytest.raises(IdentifiabilityError, match=pattern)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def noisy_log():
     return simulated_log("3-rps", "601")
+
+
+@pytest.fixture(scope="session")
+def arm_log():
+    """A log of the two-link arm."""
+    return simulated_log("two-link", "a")
 
 
 @pytest.fixture

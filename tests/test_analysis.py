@@ -47,8 +47,8 @@ def test_every_verdict_has_a_reason_and_says_why_the_10x_rule_differs(result):
             assert ("10× rule" in v.reason) == differs
 
 
-def test_where_nothing_is_held_out_the_error_is_cross_validated(simulated):
-    out = analyze("3-rps", simulated("3-rps", "601", 0), "none", replicates=50)
+def test_where_nothing_is_held_out_the_error_is_cross_validated(noisy_log):
+    out = analyze("3-rps", noisy_log, "none", replicates=50)
     assert "cross-validation" in out.validation_kind
     full = out.models[0]
     small = out.models[3]
@@ -56,9 +56,9 @@ def test_where_nothing_is_held_out_the_error_is_cross_validated(simulated):
     assert small.error_ra_validation < 0.055
 
 
-def test_the_same_inputs_give_the_same_result_and_a_data_frame_is_a_log(simulated):
-    log = simulated("two-link", "a", 0)
-    a, b, c = (analyze("two-link", x, "none", replicates=50) for x in (log, log, log.to_frame()))
+def test_the_same_inputs_give_the_same_result_and_a_data_frame_is_a_log(arm_log):
+    given = arm_log, arm_log, arm_log.to_frame()
+    a, b, c = (analyze("two-link", x, "none", replicates=50) for x in given)
     assert a.to_dict() == b.to_dict()
     assert a.to_dict()["models"] == c.to_dict()["models"]
 

@@ -61,8 +61,8 @@ def sidecar(folder, prior):
 
 
 @pytest.fixture(scope="module")
-def arm(simulated_session):
-    return analyze("two-link", simulated_session("two-link", "a", 0), replicates=0)
+def arm(arm_log):
+    return analyze("two-link", arm_log, replicates=0)
 
 
 def test_a_prior_that_the_user_states_moves_the_posterior(arm, tmp_path):

@@ -26,13 +26,13 @@ def test_an_infeasible_cad_file_is_told_of_first_and_a_ball_stands_in(simulated,
 
 
 @pytest.mark.parametrize("factor", [1.0, 1e-3])  # of all masses of the file, in a wrong unit
-def test_the_prior_pulls_what_the_data_leave_open_to_the_robot_file(simulated, factor, two_link):
-    robot, log = two_link, simulated("two-link", "a", 0)
-    nominal = analyze("two-link", log, quick=True).structure.nominal
+def test_the_prior_pulls_what_the_data_leave_open_to_the_robot_file(arm_log, factor, two_link):
+    robot = two_link
+    nominal = analyze("two-link", arm_log, quick=True).structure.nominal
     kinds = {n: n.split(".")[1] for n in robot.nominal}
     scaled = {n: v * factor ** (kinds[n] in INERTIAL_KINDS) for n, v in robot.nominal.items()}
     free, pulled = (
-        analyze(replace(robot, nominal=scaled), log, replicates=0, cad_prior=weight)
+        analyze(replace(robot, nominal=scaled), arm_log, replicates=0, cad_prior=weight)
         for weight in (0.0, 10.0)
     )
 

@@ -19,8 +19,8 @@ from .posterior.ranking import build_target, calibrate_posterior
 
 
 @pytest.fixture(scope="module")
-def analysis(simulated_session):
-    return analyze("3-rps", simulated_session("3-rps", "601", 0), replicates=0)
+def analysis(noisy_log):
+    return analyze("3-rps", noisy_log, replicates=0)
 
 
 def remembering(size, rho):

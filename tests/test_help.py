@@ -81,10 +81,9 @@ def test_every_number_of_the_help_comes_from_the_code():
     assert {*Template(text).get_identifiers()} <= {*help_numbers()}
 
 
-def test_the_refits_that_the_help_states_are_those_that_run(simulated_session):
-    log = simulated_session("two-link", "a", 0)
+def test_the_refits_that_the_help_states_are_those_that_run(arm_log):
     for quick, refits in ((False, DEFAULTS.refits), (True, DEFAULTS.refits_quick)):
-        result = identifiability.analyze("two-link", log, quick=quick)
+        result = identifiability.analyze("two-link", arm_log, quick=quick)
         assert result.settings["replicates"] == refits
     stated = f"by default {DEFAULTS.refits:,}, or {DEFAULTS.refits_quick} if"
     assert stated in told("analyze")

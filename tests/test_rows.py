@@ -11,26 +11,21 @@ from .conftest import shipped_log
 
 
 @pytest.fixture(scope="module")
-def log(simulated_session):
-    return simulated_session("two-link", "a", 0)
+def result(arm_log):
+    return analyze("two-link", arm_log, replicates=20)
 
 
 @pytest.fixture(scope="module")
-def result(log):
-    return analyze("two-link", log, replicates=20)
-
-
-@pytest.fixture(scope="module")
-def results(result, log, simulated_session, tmp_path_factory, two_link):
+def results(result, arm_log, simulated_session, tmp_path_factory, two_link):
     """Every kind of result that has rows, with a name of each."""
     folder = tmp_path_factory.mktemp("rows")
     other = simulated_session("two-link", "a", 1)
     path = result.to_json(folder / "result.json")
-    found = diagnose("two-link", log, quick=True)
+    found = diagnose("two-link", arm_log, quick=True)
     kept = found.to_json(folder / "missing.json")
     return {
         "analyze": (result, "elbow.Fc"),
-        "prune": (prune("two-link", log, replicates=4), "elbow.Fc"),
+        "prune": (prune("two-link", arm_log, replicates=4), "elbow.Fc"),
         "diagnose": (found, "elbow.Fc"),
         "payload": (payload("two-link", result, other), "mass"),
         "calibrate": (calibrate(result, replicates=4, refits=20), None),
@@ -99,11 +94,11 @@ def test_a_standard_parameter_is_refused_with_the_combination_that_holds_it(resu
         results[kind][0][members[1][1].name]
 
 
-def test_a_change_is_found_by_its_parameter(log, two_link):
+def test_a_change_is_found_by_its_parameter(arm_log, two_link):
     friction = {n: 2 * x for n, x in two_link.nominal.items() if n.startswith("elbow.F")}
     made = {"like": two_link, "noise": PAPER_NOISE, "seed": 1}
     after = shipped_log(two_link.with_values(friction), "a", **made)
-    found = compare(two_link, log, after)
+    found = compare(two_link, arm_log, after)
     name = next(n for n in found.row_names() if n.startswith("elbow.F"))
     row = found[name]
     assert (row.verdict, row.details["what"]) == ("changed", "friction of elbow")
@@ -112,8 +107,8 @@ def test_a_change_is_found_by_its_parameter(log, two_link):
         found["shoulder.Fv"]
 
 
-def test_a_result_without_changes_has_no_rows(log, simulated_session):
-    same = compare("two-link", log, simulated_session("two-link", "a", 1))
+def test_a_result_without_changes_has_no_rows(arm_log, simulated_session):
+    same = compare("two-link", arm_log, simulated_session("two-link", "a", 1))
     assert not same.row_names()
     with pytest.raises(KeyError, match=r"no rows by name; to_frame\(\)"):
         same["elbow.Fc"]

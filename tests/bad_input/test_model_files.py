@@ -12,22 +12,20 @@ from identifiability.regression.reduction import build_ladder, ladder_text, mode
 from identifiability.regression.structure import Structure, random_motion
 
 
-@pytest.fixture(scope="module")
-def log(simulated_session):
-    return simulated_session("two-link", "a")
-
-
-def test_a_pruned_model_is_one_model_that_is_judged_beside_the_full_model(log, tmp_path):
-    pruned = prune("two-link", log, replicates=0, force=["shoulder.Fv"])
+def test_a_pruned_model_is_one_model_that_is_judged_beside_the_full_model(arm_log, tmp_path):
+    pruned = prune("two-link", arm_log, replicates=0, force=["shoulder.Fv"])
     path = pruned.write_model(tmp_path / "model.toml")
     assert len(read_ladder(path).models) == 1
     for ladder in (path, pruned):
-        again = analyze("two-link", log, ladder=ladder, replicates=0)
+        again = analyze("two-link", arm_log, ladder=ladder, replicates=0)
         full, model = again.models
         assert len(full.submodel) == len(again.base) > len(model.submodel)
         assert model.submodel.columns == pruned.chosen.columns
         assert_allclose(model.estimate.value, pruned.chosen.estimate.value, rtol=1e-9, atol=1e-12)
-    assert prune("two-link", log, ladder=pruned, replicates=0).full.columns == pruned.chosen.columns
+    assert (
+        prune("two-link", arm_log, ladder=pruned, replicates=0).full.columns
+        == pruned.chosen.columns
+    )
 
 
 def test_a_model_with_every_reduction_is_written_and_read_back_as_it_was(tmp_path, two_link):
@@ -88,12 +86,14 @@ def test_effects_that_cannot_live_there_are_refused(text, sentence, rejected, tw
         Model.of("rigid_body", text).parameters(two_link)
 
 
-def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(log, tmp_path, two_link):
+def test_provenance_names_the_ladder_beside_the_robot_and_all_that_decided(
+    arm_log, tmp_path, two_link
+):
     for part in (two_link.path, two_link.sidecar):
         (tmp_path / part.name).write_bytes(part.read_bytes())
     (tmp_path / "ladder.toml").write_text('[[models]]\nname = "mine"\n')
     beside = Robot.load(tmp_path / two_link.path.name)
-    result = analyze(beside, log, replicates=0, cad_prior=0.5, method="ols")
+    result = analyze(beside, arm_log, replicates=0, cad_prior=0.5, method="ols")
     found = json.loads(json.dumps(result.to_dict()["provenance"]))
     ladder = beside.path.with_name("ladder.toml")
     assert result.chosen.name == "mine"

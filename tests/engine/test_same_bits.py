@@ -9,11 +9,6 @@ from identifiability.foundation.engines import Processes, choose_engine
 distributed = pytest.importorskip("distributed")
 
 
-@pytest.fixture(scope="module")
-def log(simulated_session):
-    return simulated_session("two-link", "a", 0)
-
-
 VERBS = {
     "analyze": lambda log, engine: analyze("two-link", log, replicates=50, engine=engine),
     "prune": lambda log, engine: prune("two-link", log, replicates=10, seed=1, engine=engine),
@@ -28,9 +23,9 @@ VERBS = {
 
 @pytest.mark.everything
 @pytest.mark.parametrize("verb", VERBS)
-def test_engines_and_workers_change_no_bit(verb, log):
+def test_engines_and_workers_change_no_bit(verb, arm_log):
     def bits(engine):
-        return joblib.hash(VERBS[verb](log, engine).to_dict())
+        return joblib.hash(VERBS[verb](arm_log, engine).to_dict())
 
     expected = bits(None)
     for engine in (Processes(1), Processes(2)):

@@ -10,9 +10,9 @@ from identifiability import Robot, analyze, export
 
 
 @pytest.fixture(scope="module")
-def exported(simulated_session, succeeds, tmp_path_factory):
+def exported(noisy_log, succeeds, tmp_path_factory):
     folder = tmp_path_factory.mktemp("export")
-    result = analyze("3-rps", simulated_session("3-rps", "601", 0), replicates=0)
+    result = analyze("3-rps", noisy_log, replicates=0)
     path = result.to_json(folder / "result.json")
     succeeds("export", "3-rps", path, "--out", folder / "fit.xml")
     return result, folder / "fit.xml"

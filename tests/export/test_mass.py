@@ -12,13 +12,8 @@ from identifiability.workflows.export.joints import describe_joints
 FULL = LadderEntry(models=[ModelEntry(name="full")])
 
 
-@pytest.fixture(scope="module")
-def log(simulated_session):
-    return simulated_session("3-rps", "601", 0)
-
-
-def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(log):
-    result = analyze("3-rps", log, ladder=FULL, replicates=50)
+def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(noisy_log):
+    result = analyze("3-rps", noisy_log, ladder=FULL, replicates=50)
     found = result.chosen.physical.parameters()
     assert 25.248 / 3 < total_mass(result.robot, found) < 3 * 25.248
     assert "weighs" not in result.details
@@ -28,8 +23,10 @@ def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(log):
     assert sum(row["mass_file"] for row in rows) == pytest.approx(25.248, rel=1e-3)
 
 
-def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, command, tmp_path):
-    result = analyze("3-rps", log, ladder=FULL, replicates=50, cad_prior=0.0)
+def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(
+    noisy_log, command, tmp_path
+):
+    result = analyze("3-rps", noisy_log, ladder=FULL, replicates=50, cad_prior=0.0)
     mass = total_mass(result.robot, result.chosen.physical.parameters())
     assert mass > 3 * 25.248
     path = result.to_json(tmp_path / "result.json")
@@ -39,7 +36,7 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, co
     assert first.endswith("--set cad_prior=1 keeps it nearer to the file's proportions.")
     assert first.partition(":")[0] in result.details
     assert "not determined" not in run.output
-    light = analyze("3-rps", log, ladder=FULL, replicates=50, cad_prior=1.0)
+    light = analyze("3-rps", noisy_log, ladder=FULL, replicates=50, cad_prior=1.0)
     assert total_mass(light.robot, light.chosen.physical.parameters()) < 3 * 25.248
 
 

@@ -37,10 +37,9 @@ def test_degrees_are_read_where_it_is_said(degrees, how, tmp_path):
     assert np.allclose(read.rows(0, len(log)).tau, log.tau, rtol=1e-14, atol=0)
 
 
-def test_sliding_joints_are_in_metres_whatever_angles_are(simulated):
-    log = simulated("3-rps", "601")
+def test_sliding_joints_are_in_metres_whatever_angles_are(noisy_log):
     known = Conventions.of(Robot.load("3-rps", angles="deg"))
-    assert np.array_equal(Log.from_frame(log.to_frame(), conventions=known).q, log.q)
+    assert np.array_equal(Log.from_frame(noisy_log.to_frame(), conventions=known).q, noisy_log.q)
 
 
 def test_degrees_must_be_said_and_rad_may_be(degrees, rejected):

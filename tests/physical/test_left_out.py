@@ -14,10 +14,9 @@ from identifiability.workflows.analyze.belief import form_belief
 EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
 
 
-def fit(simulated, cad_weight=0.0, **submodel):
+def fit(arm_log, cad_weight=0.0, **submodel):
     entry = LadderEntry(models=[ModelEntry(name="reduced", effects=EFFECTS, **submodel)])
-    log = simulated("two-link", "a", 0)
-    return analyze("two-link", log, ladder=entry, replicates=0, cad_prior=cad_weight)
+    return analyze("two-link", arm_log, ladder=entry, replicates=0, cad_prior=cad_weight)
 
 
 def base_values(result):
@@ -27,41 +26,41 @@ def base_values(result):
     return dict(zip(result.base.names, result.base.G @ phi, strict=True))
 
 
-def test_what_a_model_leaves_out_is_zero_in_the_nearest_real_robot(simulated):
-    result = fit(simulated, zero=["elbow.Ia", "elbow.Fv", "elbow.Fc", "link1.mz"])
+def test_what_a_model_leaves_out_is_zero_in_the_nearest_real_robot(arm_log):
+    result = fit(arm_log, zero=["elbow.Ia", "elbow.Fv", "elbow.Fc", "link1.mz"])
     found = result.models[-1].physical.parameters()
     assert [found[f"elbow.{kind}"] for kind in ("Ia", "Fv", "Fc")] == [0.0, 0.0, 0.0]
     assert abs(base_values(result)["link1.mz"]) < 1e-6  # of 0.1 kg·m that noise would fit to it
 
 
 @pytest.mark.parametrize("cad_weight, near", [(0.0, 2e-6), (None, 3e-3)])
-def test_a_prior_hardly_moves_what_a_model_holds(simulated, cad_weight, near):
-    result = fit(simulated, cad_weight, hold={"elbow.Ia": 0.05, "link1.mx": 2.0})
+def test_a_prior_hardly_moves_what_a_model_holds(arm_log, cad_weight, near):
+    result = fit(arm_log, cad_weight, hold={"elbow.Ia": 0.05, "link1.mx": 2.0})
     chosen = result.models[-1].physical
     assert (chosen.cad_weight > 0) == (cad_weight is None)
     assert chosen.parameters()["elbow.Ia"] == 0.05
     assert base_values(result)["link1.mx"] == pytest.approx(2.0, abs=near)
 
 
-def test_what_a_model_ties_is_equal_in_the_nearest_real_robot(simulated):
+def test_what_a_model_ties_is_equal_in_the_nearest_real_robot(arm_log):
     tie = {"Fv": ["shoulder.Fv", "elbow.Fv"], "mz": ["link1.mz", "link2.mz"]}
-    result = fit(simulated, tie=tie)
+    result = fit(arm_log, tie=tie)
     found = base_values(result)
     assert found["shoulder.Fv"] == pytest.approx(found["elbow.Fv"], rel=1e-12)
     assert found["link1.mz"] == pytest.approx(found["link2.mz"], abs=1e-6)
 
 
-def test_the_stated_error_of_the_nearest_real_robot_is_that_of_all_its_parameters(simulated):
-    result = fit(simulated, zero=["elbow.Ia", "link2.mx"])  # the bodies need some of the latter
+def test_the_stated_error_of_the_nearest_real_robot_is_that_of_all_its_parameters(arm_log):
+    result = fit(arm_log, zero=["elbow.Ia", "link2.mx"])  # the bodies need some of the latter
     physical = result.models[-1].physical
     phi = np.array([physical.parameters()[p.name] for p in result.base.parameters])
     assert_allclose(physical.base, result.base.G @ phi)
     assert physical.base[list(result.base.names).index("link2.mx")] == pytest.approx(0.0, abs=0.02)
 
 
-def test_bodies_keep_what_they_need_although_it_is_left_out(simulated):
+def test_bodies_keep_what_they_need_although_it_is_left_out(arm_log):
     for gone, needed in (("elbow.Ia", False), ("link2.Iyy", True)):  # none turns without inertia
-        model = fit(simulated, zero=[gone]).models[-1]
+        model = fit(arm_log, zero=[gone]).models[-1]
         left_out = ~model.submodel.M.any(axis=1)
         assert (np.abs(model.physical.base[left_out]).max() > 1e-3) == needed
 
@@ -75,13 +74,12 @@ def test_a_sum_of_what_cannot_be_negative_is_zero_part_by_part(robot):
     assert fixed.parameters.nonzero()[0].tolist() == outside[:2].tolist()
 
 
-def test_what_a_model_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_posterior(simulated):
+def test_what_a_model_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_posterior(arm_log):
     submodel = ModelEntry(
         name="reduced", effects=EFFECTS, zero=["elbow.Fc", "link1.mz"], hold={"elbow.Ia": 0.05},
         tie={"Fv": ["shoulder.Fv", "elbow.Fv"]},
     )  # fmt: skip
-    log = simulated("two-link", "a", 0)
-    found = analyze("two-link", log, ladder=LadderEntry(models=[submodel]), replicates=0)
+    found = analyze("two-link", arm_log, ladder=LadderEntry(models=[submodel]), replicates=0)
     reduced = found.models[-1]
     model = FittedModel.of(
         found.structure, reduced.submodel, found.information, reduced.estimate.estimator

@@ -85,9 +85,9 @@ def test_the_answer_says_by_which_rule_the_model_was_chosen(pruned):
     assert f"surely rises by less than {100 * LEVELS.rise:g} %" in reason.replace("\u00a0", " ")
 
 
-def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_path):
+def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, noisy_log, tmp_path):
     path = pruned.write_model(tmp_path / "pruned.toml")
-    again = analyze("3-rps", simulated("3-rps", "601", 0), "none", path, replicates=20)
+    again = analyze("3-rps", noisy_log, "none", path, replicates=20)
     model = again.models[1]
     assert set(model.submodel.columns) == set(pruned.chosen.columns)
     assert_allclose(
