@@ -82,12 +82,13 @@ def integrate(links: LinkEquation, torque: Array, stiffness: Array, damping: Arr
     C = damping[:, :, None] * diagonal
     steps = Steps(h, P, D, M, K, C, force)
     sets = max(force.shape[1], len(K))
-    first = np.broadcast_to(force[0], (sets, m))[..., None]
-    stiffened = np.broadcast_to(P[0] + K, (sets, m, m))
-    position = np.linalg.solve(stiffened, first)[..., 0]
-    second = np.broadcast_to(force[1], (sets, m))[..., None]
-    stiffened_slope = np.broadcast_to(P[1] + K, (sets, m, m))
-    moved = np.linalg.solve(stiffened_slope, second)[..., 0]
+
+    def balanced(k: int) -> Array:
+        loads = np.broadcast_to(force[k], (sets, m))[..., None]
+        stiffened = np.broadcast_to(P[k] + K, (sets, m, m))
+        return np.linalg.solve(stiffened, loads)[..., 0]
+
+    position, moved = balanced(0), balanced(1)
     begin = [position, (moved - position) / h, np.zeros((sets, m))]
     states = steps.follow(np.concatenate(begin, axis=1))[::parts]
     return Deflection(*(states[..., k * m : (k + 1) * m] for k in range(3)))

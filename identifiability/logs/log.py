@@ -487,28 +487,12 @@ def check_held_out(train: Sequence[Log], held_out: Sequence[Log]) -> None:
     ------
     LogError
     """
-    for k, s in enumerate(train):
+    for k, log in enumerate((*train, *held_out)):
+        held = k >= len(train)
         for other in train[:k]:
-            if s.sha256 and _same(s, other):
-                raise LogError(
-                    Finding(
-                        "twice.fitted",
-                        "",
-                        log=s.name,
-                        other=other.name,
-                    )
-                )
-    for s in held_out:
-        for other in train:
-            if _same(s, other):
-                raise LogError(
-                    Finding(
-                        "twice.held",
-                        "",
-                        log=s.name,
-                        other=other.name,
-                    )
-                )
+            if (held or log.sha256) and _same(log, other):
+                key = "twice.held" if held else "twice.fitted"
+                raise LogError(Finding(key, "", log=log.name, other=other.name))
 
 
 def _same(one: Log, other: Log) -> bool:

@@ -48,7 +48,7 @@ def find_left_out_effects(logs: MeasuredLogs) -> Iterator[Finding]:
 @check("unit", Does.EXPLAINS)
 def find_torque_scale(logs: MeasuredLogs) -> Iterator[Finding]:
     """Yield a finding if the scale of torque contradicts the file at every joint that shows it."""
-    factors = measure_factors(logs) if logs.weighs else np.empty(0)
+    factors = measure_factors(logs)
     share = factors[np.isfinite(factors)]
     most = np.log(RULES.unit_factor)
     shows = 2 * len(share) >= len(factors) > 0
@@ -69,7 +69,7 @@ def find_torque_scale(logs: MeasuredLogs) -> Iterator[Finding]:
 @check("joint_unit", Does.HINTS)
 def find_joint_unit(logs: MeasuredLogs) -> Iterator[Finding]:
     """Yield each joint whose torque contradicts the file by a factor, if all others agree."""
-    factors = measure_factors(logs) if logs.weighs else np.empty(0)
+    factors = measure_factors(logs)
     known = np.isfinite(factors) & (factors > 0)
     apart = np.abs(np.log(np.where(known, factors, 1.0)))
     odd = np.flatnonzero(apart > np.log(RULES.unit_factor)).tolist()
@@ -87,6 +87,8 @@ def find_joint_unit(logs: MeasuredLogs) -> Iterator[Finding]:
 def measure_factors(logs: MeasuredLogs) -> Array:
     """Return measured over predicted torque of each joint, (n,); NaN if the data do not show it."""
     factors = np.full(len(logs.joints), np.nan)
+    if not logs.weighs:
+        return factors
     size = rms_of(logs.predicted, axis=0)
     units = np.array(logs.robot.torque_units)
     offset = np.ones((len(logs.torque), 1))

@@ -117,6 +117,18 @@ class Joint:
         """Degrees of freedom."""
         return len(self.dofs)
 
+    @property
+    def slides(self) -> Iterable[tuple[int, int]]:
+        """Its degrees of freedom that shift, in Pinocchio's ``v``, and the axis of each."""
+        axes = {"prismatic": (2,), "free": range(3)}.get(self.kind, ())
+        return enumerate(axes, self.iv)
+
+    @property
+    def turns(self) -> Iterable[tuple[int, int]]:
+        """Its degrees of freedom that turn, in Pinocchio's ``v``, and the axis of each."""
+        axes = {"prismatic": (), "revolute": (2,)}.get(self.kind, range(3))
+        return enumerate(axes, self.iv + self.nv - len(axes))
+
 
 @frozen
 class Frames:
@@ -264,32 +276,18 @@ class Tree:
     ) -> None:
         """Add the same for the point of a body that is now at a place of the world, (3, N) [m]."""
         for k in self.chain(joint):
-            j = self.joints[k]
             R = frames.axes[k]
-            if j.kind == "prismatic":
-                out[:, j.iv] += sign * R[2]
-                continue
+            for dof, axis in self.joints[k].slides:
+                out[:, dof] += sign * R[axis]
             arm = sign * (at - frames.origin[k])
-            if j.kind == "revolute":
-                out[:, j.iv] += np.cross(R[2], arm, axis=0)
-                continue
-            turn = j.iv + (3 if j.kind == "free" else 0)
-            for c in range(3):
-                out[:, turn + c] += np.cross(R[c], arm, axis=0)
-                if j.kind == "free":
-                    out[:, j.iv + c] += sign * R[c]
+            for dof, axis in self.joints[k].turns:
+                out[:, dof] += np.cross(R[axis], arm, axis=0)
 
     def add_turn_jacobian(self, frames: Frames, joint: int, out: Array) -> None:
         """Add ``∂ω/∂v`` of the body behind a joint to `out` (3, nv, N), world axes."""
         for k in self.chain(joint):
-            j = self.joints[k]
-            R = frames.axes[k]
-            if j.kind == "revolute":
-                out[:, j.iv] += R[2]
-            elif j.kind in ("ball", "free"):
-                turn = j.iv + (3 if j.kind == "free" else 0)
-                for c in range(3):
-                    out[:, turn + c] += R[c]
+            for dof, axis in self.joints[k].turns:
+                out[:, dof] += frames.axes[k][axis]
 
 
 def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
