@@ -601,8 +601,8 @@ class Load(Result):
         """Yield the quantities of the load, and the gain of each joint by the joint's name."""
         conditions = {}
         if self.scale.contradicts:
-            for name, part in zip(("mass", BY_FILE), ("constants", "file"), strict=True):
-                conditions[name] = phrase("untold", part)
+            constants = phrase("untold", "constants")
+            conditions = {"mass": constants, BY_FILE: phrase("untold", "file")}
         for quantity in (*self.stated, *self.gains):
             yield Row(
                 name=quantity.name,

@@ -151,11 +151,8 @@ class ComparisonPresenter(AnsweringPresenter):
         frame = frame_changes([p for c in self.result.changes for p in c.parts or (c,)])
         limits = [
             {
-                "what": x.what,
-                "kind": x.kind,
-                "place": x.place,
-                "name": x.name,
-                "unit": x.unit,
+                **vars(x),
+                "share": np.nan,
                 "torque_unit": x.felt.unit,
                 "seen_from": x.least,
                 "seen_from_share": x.relative,
@@ -288,9 +285,7 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
     for c in changes:
         share, share_sd = c.relative
         row = {
-            "what": c.what,
-            "kind": c.kind,
-            "place": c.place,
+            **vars(c),
             "share": share,
             "share_low": share - REACH * share_sd,
             "share_high": share + REACH * share_sd,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,7 +101,8 @@ class LoadPresenter(AnsweringPresenter):
             word = said = row.verdict
             ends = span_cell(times * q.low, times * q.high, unit, 3 + bool(result.gains))
             if _is_bounded(q):
-                ends, said = _bound_cell(q.high, unit), sentence("payload.known", "limit")
+                ends = Cell(sentence("payload.tables", "below", high=q.high, unit=unit), q.high)
+                said = sentence("payload.known", "limit")
             rows.append((q.name, value, ends, Cell(said, word, row.reason, word)))
         return (make_table("load", rows, caption=sentence("payload.tables", part)),)
 
@@ -124,17 +124,9 @@ def _is_bounded(q: Quantity) -> bool:
 
 
 def _state_bounds(quantities: Sequence[Quantity]) -> str:
-    """Return the names of quantities with their upper limits; a unit stands after its last one."""
-    texts = []
-    for q, after in zip_longest(quantities, quantities[1:]):
-        unit = "" if after and after.unit == q.unit else f" {q.unit}"
-        texts.append(sentence("payload.known", "bound", name=q.name, high=q.high, unit=unit))
-    return ", ".join(texts)
-
-
-def _bound_cell(high: float, unit: str) -> Cell:
-    """Return a range that begins at zero as its upper end."""
-    return Cell(sentence("payload.tables", "below", high=high, unit=unit), high)
+    """Return the names of quantities with their upper limits."""
+    bounds = (sentence("payload.known", "bound", **vars(q)) for q in quantities)
+    return ", ".join(bounds)
 
 
 def _is_fixed(result: Load) -> bool:
