@@ -44,20 +44,8 @@ DIFFERING = (
     "torque_scale",
     "passive_joint_friction",
 )
-#: Attributes that the size of a change sets.
-MEASURED = (
-    "what",
-    "names",
-    "units",
-    "before",
-    "before_sd",
-    "sizes",
-    "covariance",
-    "share",
-    "share_sd",
-    "felt",
-    "parts",
-)
+#: Attributes of a change in steps that are not those of its last step.
+STEADY = ("family", "odds", "course", "alternatives")
 #: A function that the model may lack at a joint whose friction is nonlinear.
 VELOCITY = "function_of_velocity"
 #: Parameters of a load that its weight determines.
@@ -468,8 +456,8 @@ def _join_steps(changes: Sequence[Change], later: Sequence[str]) -> list[Change]
             last = change.course[-1]
             sure = [abs(c.relative[0]) > REACH * c.relative[1] for c in change.course]
             first = later[sure.index(True)] if any(sure) else ""
-            numbers = {name: getattr(last, name) for name in MEASURED}
-            out.append(replace(change, **numbers, log="", since=first, gradual=True))
+            kept = {name: getattr(change, name) for name in STEADY}
+            out.append(replace(last, **kept, log="", since=first, gradual=True))
     return out
 
 
