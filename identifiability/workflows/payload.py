@@ -275,18 +275,8 @@ class Quantity:
 
 def nearest_body(found: LoadEstimate) -> Array:
     """Return the parameters (10,) of the physically consistent body nearest to an estimate."""
-    # Assumed radius of gyration of an unknown load [m].
-    bodies = np.arange(10)[None]
     masses = np.array([max(abs(found.theta[9]), LIGHTEST)])
-    nonnegative = np.zeros(10, bool)
-    length = np.array([0.1])
-    region = PhysicalSet(
-        bodies=bodies,
-        nonnegative=nonnegative,
-        names=("load",),
-        mass=masses,
-        length=length,
-    )
+    region = PhysicalSet(np.arange(10)[None], np.zeros(10, bool), ("load",), mass=masses)
     data = LeastSquares(found.root, found.root @ found.theta, 1.0, 1.0)
     return project(data, region).phi
 
@@ -568,9 +558,8 @@ class Load(Result):
     def stated(self) -> tuple[Quantity, ...]:
         """The same, with both masses where the robot file contradicts the torque constants."""
         mass, *others = self.quantities
-        if not self.scale.contradicts:
-            return (mass, *others)
-        return (mass, replace(self.by_file[0], name=BY_FILE), *others)
+        both = [replace(self.by_file[0], name=BY_FILE)] * self.scale.contradicts
+        return (mass, *both, *others)
 
     @property
     def mass(self) -> Quantity:
