@@ -1,15 +1,16 @@
 """Springs and torque over position: of joints, of constant force, against gravity, any shape."""
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.names import Array, Strings
-from identifiability.robot import Axis, Robot
+from identifiability.foundation.names import OVER_BOTH, Array, Parameter, Strings
+from identifiability.robot import Axis, Motion, Robot
 from identifiability.robot.closure import rest_along
 
-from .effect import POSTURES, RESTS, Along, AlongAxes, Shaped, Span, counted, every_axis
+from .effect import POSTURES, RESTS, Along, AlongAxes, Effect, Shaped, Span, counted, every_axis
 from .registry import declare
 
 # Springs along joints.
@@ -144,6 +145,75 @@ class GravitySpring(AlongEveryAxis):
     def curves(self, at: Along) -> list[Array]:
         """Return sine and cosine of the angle as the robot file counts it."""
         return [np.sin(at.position), np.cos(at.position)]
+
+
+# Springs and cables over two joints of a chain: between bodies that are no neighbours.
+
+
+#: Functions of two positions in a potential: of 1, q, q²/2, sin q and cos q the numbers of both.
+PRODUCTS = np.array([
+    *((0, b) for b in range(1, 5)),
+    *((a, 0) for a in range(1, 5)),
+    (1, 1), (3, 3), (3, 4), (4, 3), (4, 4),
+])  # fmt: skip
+
+
+def _pairs(robot: Robot) -> dict[str, Strings]:
+    """Return pairs of motor joints by name: neighbours in a chain, and those with one between."""
+    joints = enumerate(robot.tree.joints)
+    driven = {k: j.dofs[0] for k, j in joints if j.dofs[0] in robot.motor_joints}
+    out = dict[str, Strings]()
+    for k, last in driven.items():
+        chain = [driven[at] for at in robot.tree.chain(k) if at in driven]
+        out |= {f"{first}{OVER_BOTH}{last}": (first, last) for first in chain[-3:-1]}
+    return out
+
+
+@declare(
+    "spring over two joints",
+    lambda robot: tuple(_pairs(robot)),
+    against="position",
+    told_by=POSTURES,
+    flexible=True,
+)
+class SpringOverTwo(Effect):
+    """``τᵢ = ∂U/∂qᵢ, τⱼ = ∂U/∂qⱼ``: a spring, cable or hose that passes over two joints.
+
+    Both torques are slopes of one potential, ``U(qᵢ, qⱼ) = Σ cₖ fₖ(qᵢ) gₖ(qⱼ)``, so they share its
+    parameters. It contains a linear spring along a sum of both positions, and a spring without free
+    length between two points, ``U = ½ k L²``; it follows others closely. The joints are neighbours
+    in a chain, or have one joint between them. Where the sum is known, state it as a fixed tendon
+    or as ``[[axes]]``, along which there is `joint_stiffness`.
+    """
+
+    name = "spring_over_two"
+    equation = "τᵢ = ∂U/∂qᵢ, τⱼ = ∂U/∂qⱼ, U = Σ cₖ fₖ(qᵢ) gₖ(qⱼ), f, g ∈ {1, q, q²/2, sin q, cos q}"
+    source = "[Herder 2001, Sec. 3.2]"
+
+    kinds = counted("U", len(PRODUCTS))
+
+    def drawn_over(self, robot: Robot, joint: int) -> int:
+        """Return the joint itself: the curve is seen along the positions of both."""
+        del robot
+        return joint
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return the factors of a potential for each pair."""
+        every = product(_pairs(robot), self.kinds)
+        return tuple(Parameter(pair, kind, "N·m", self.name) for pair, kind in every)
+
+    def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
+        """Write the slopes of the potentials along both joints."""
+        first, second = PRODUCTS.T
+        for k, pair in enumerate(_pairs(robot).values()):
+            i, j = map(robot.joints.index, pair)
+            q = motion.actuated_q[:, [i, j]].T
+            one, sine, cosine = np.ones_like(q), np.sin(q), np.cos(q)
+            values = np.array([one, q, 0.5 * q * q, sine, cosine])
+            slopes = np.array([0.0 * q, one, q, cosine, -sine])
+            columns = slice(k * len(PRODUCTS), (k + 1) * len(PRODUCTS))
+            out[:, i, columns] = (slopes[first, 0] * values[second, 1]).T
+            out[:, j, columns] = (values[first, 0] * slopes[second, 1]).T
 
 
 # Torque along a joint of which nothing is known but that it depends on the position.

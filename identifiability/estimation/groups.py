@@ -25,7 +25,7 @@ from identifiability.foundation.linalg import (
     or_one,
     triangular_factor,
 )
-from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array, Strings
+from identifiability.foundation.names import BASE, INERTIAL_KINDS, OVER_BOTH, Array, Strings
 from identifiability.foundation.rounding import ENDS, join, state_probability
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -225,7 +225,7 @@ class Missing:
         square = self._squares.sum(0)
         for c in self.candidates:
             at = list(c.columns)
-            if c.family.flexible:
+            if c.family.flexible and c.effect.shape_size:
                 square[at] = square[at].max()
             elif c.family.name in BODIES and len(at) > 1:
                 typical = np.array([LOAD[kind.rpartition("_")[2]] for kind in c.kinds])
@@ -514,7 +514,8 @@ def place_of(term: Term) -> str:
 def describe_term(term: Term) -> str:
     """Return the title and place of a group, such as "Stribeck friction in joint_2"."""
     title = title_of(term.group.family)  # of the base it says where
-    return title if term.group.place == BASE else f"{title} in {place_of(term)}"
+    place = place_of(term).replace(OVER_BOTH, " with ")
+    return title if term.group.place == BASE else f"{title} in {place}"
 
 
 def shorten_places(effect: str) -> str:

@@ -22,7 +22,7 @@ from identifiability.effects.measurement import ClockError, CommandDelay, TimeDe
 from identifiability.effects.springs import PositionTorque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import OVER_BOTH, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate
@@ -458,8 +458,7 @@ def _gains_left_out(
     likeliest may be a family everywhere. An error of clocks is no law of the joint.
     """
     laws = [k for k, t in enumerate(terms) if t.group.family not in CLOCKS]
-    places = [t.group.place for t in terms]
-    crowds = [[k for k in laws if places[k] == place] for place in places]
+    crowds = [[k for k in laws if _share_joint(terms[k], t)] for t in terms]
     singles = [frozenset([k]) for k in range(len(terms))]
     joint = map(frozenset.union, singles, crowds)
     gains, together = model.left_out(terms, folds, [*singles, *joint]).reshape(2, -1)
@@ -471,6 +470,16 @@ def _gains_left_out(
         if small and not _is_apart(model, terms, k, likeliest):
             needed[k] = least
     return gains, needed
+
+
+def _share_joint(one: Term, other: Term) -> bool:
+    """Return whether terms are one, or of two families with a joint in common.
+
+    Springs over several pairs of joints are one spring over more joints.
+    """
+    first, second = ({*t.group.place.split(OVER_BOTH)} for t in (one, other))
+    apart = one.group.family == other.group.family or first.isdisjoint(second)
+    return one is other or not apart
 
 
 def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:

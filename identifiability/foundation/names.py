@@ -99,6 +99,10 @@ class Parameter:
         return f"{self.kind}({self.symbol or self.owner})"
 
 
+#: Between the names of two joints, where one effect acts over both.
+OVER_BOTH = "~"
+
+
 def is_pattern(text: str) -> bool:
     """Return whether a text is a pattern for names: ``*`` is any letters, ``?`` is one."""
     return "*" in text or "?" in text

@@ -30,6 +30,7 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import (
     BASE,
     INERTIAL_KINDS,
+    OVER_BOTH,
     Array,
     NumberByName,
     Renames,
@@ -646,17 +647,19 @@ def _expand_parameters(
 ) -> dict[str, T]:
     """Return a table of parameters with patterns replaced by the names that fit.
 
-    Parameters of inertia belong to bodies, all others to moving joints and axes.
+    Parameters of inertia belong to bodies, all others to moving joints and axes, or to two joints.
     """
     out: dict[str, T] = {}
     for text in sorted(table, key=specificity):
         owner, _, kind = text.rpartition(".")
         kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
-        known: Collection[str] = (*bodies, *moving, BASE)
+        both = {*owner.split(OVER_BOTH)}
+        there = [owner] if both <= {*moving, *locked} else []
+        known: Collection[str] = (*bodies, *moving, BASE, *(there if both <= {*moving} else []))
         if is_pattern(text):
             inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
             known = bodies if inertial else moving
-        behind = gone if is_pattern(owner) else locked
+        behind = gone if is_pattern(owner) else (*locked, *there)
         found = by_name(path, key, {owner if kinds else text: table[text]}, known, behind)
         out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
     return out

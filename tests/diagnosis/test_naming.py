@@ -3,6 +3,7 @@
 from dataclasses import replace
 from unittest.mock import Mock
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.random import default_rng
@@ -38,6 +39,25 @@ def test_a_hidden_effect_is_named_in_its_joints_and_the_gap_shrinks(
     assert ", up to " in d.statement
     # What is left is what the same noise leaves when nothing is hidden.
     assert d.held_after < 1.1 * diagnosis_of(robot, effects=("torque_offset",)).held_before
+
+
+def test_a_tendon_over_two_joints_is_named_over_both(named):
+    """MuJoCo alone has it."""
+    arm = campaign("two-link")
+    joints = '<joint joint="shoulder" coef="1"/><joint joint="elbow" coef="-0.7"/>'
+    tendon = f'<tendon><fixed stiffness="3" springlength="0.2">{joints}</fixed></tendon></mujoco>'
+    model = mujoco.MjModel.from_xml_string(arm.robot.path.read_text().replace("</mujoco>", tendon))
+    data = mujoco.MjData(model)
+    torque = np.empty_like(arm.move.q)
+    for row, data.qpos[:] in zip(torque, arm.move.q, strict=True):
+        mujoco.mj_forward(model, data)
+        row[:] = -data.qfrc_spring
+    logs = arm.logs(torque, Noise(additive=0.012, correlation=0.9, encoder=2e-5))
+    d = find("two-link", logs)
+    assert named(d) == [("spring_over_two", ("shoulder~elbow",))]
+    assert "Spring over two joints in shoulder with elbow, up to" in d.statement
+    assert d.held_after < 0.3 * d.held_before
+    assert d.effects[0].placements[0].peak == pytest.approx(np.abs(torque).max(), rel=0.2)
 
 
 @pytest.mark.parametrize(

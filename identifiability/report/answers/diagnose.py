@@ -19,7 +19,7 @@ from identifiability.estimation.verdict import other_terms
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import BASE, Array, NumberByName, Strings
+from identifiability.foundation.names import BASE, OVER_BOTH, Array, NumberByName, Strings
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
@@ -181,7 +181,8 @@ class DiagnosisPresenter(PredictingPresenter):
         if result.bending is not None and result.bending.joints:
             tables.append(make_table("bending", _list_bending(result)))
         joints = add_units(result.error_frame(), "rms_before", "rms_after")
-        named = {p.place: title_of(e.name) for e in result.effects for p in e.placements}
+        placed = [(p.place, e.name) for e in result.effects for p in e.placements]
+        named = {j: title_of(name) for at, name in placed for j in at.split(OVER_BOTH)}
         for row in joints:
             note = named.get(row["joint"], "")
             row["joint"] = Cell(row["joint"], note=note)
@@ -397,7 +398,7 @@ def name_place(name: str, place: str) -> str:
     """Return an effect and where it is; of the base its title says it."""
     if place == BASE:
         return title_of(name)
-    return f"{title_of(name)} in {place}"
+    return f"{title_of(name)} in {place.replace(OVER_BOTH, ' with ')}"
 
 
 def name_places(e: NamedEffect) -> str:
@@ -495,7 +496,8 @@ def _answer_gap(d: Diagnosis) -> Answer:
 
 def _state_joint(d: Diagnosis) -> str:
     """Return the error of the first joint with a named effect, without and with all of them."""
-    places = [p.place for e in d.effects[: d.included] for p in e.placements]
+    each = (p.place for e in d.effects[: d.included] for p in e.placements)
+    places = [joint for place in each for joint in place.split(OVER_BOTH)]
     errors = d.error_frame().dropna()
     own = errors[errors["joint"].isin(places)]
     if own.empty:

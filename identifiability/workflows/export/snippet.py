@@ -2,9 +2,10 @@
 
 The tables hold torque that depends only on the speed and position of its joint. One table has
 levels of dry friction for the simulator's friction. The other has the remaining torque. Isaac uses
-the same tables.
+the same tables. Springs over two joints have a potential instead.
 """
 
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.effects import FAMILIES, AlongAxes
+from identifiability.effects import FAMILIES, AlongAxes, find_family, title_of
 from identifiability.effects.effect import POSTURES, RESTS, SPEEDS
-from identifiability.foundation.names import Array
+from identifiability.effects.springs import PRODUCTS, SpringOverTwo
+from identifiability.foundation.names import OVER_BOTH, Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.quoting import for_python
 from identifiability.foundation.values import Json
@@ -40,12 +42,14 @@ TEXT = '''"""Torque that the robot file cannot hold: in MuJoCo, when the model i
 
 TABLES has of each joint the levels of dry friction over |speed| and over position, and torque over
 speed and over position, as (places, values) [SI]; a controller of Isaac interpolates them alike.
+SPRINGS has of two joints C in their potential f(q1) C f(q2), f(q) = (1, q, q²/2, sin q, cos q).
 """
 
 import numpy as np
 
 FILE = {file}
 TABLES = {tables}
+SPRINGS = {springs}
 
 
 def add_torque(model, data):
@@ -57,6 +61,14 @@ def add_torque(model, data):
         model.dof_frictionloss[dof] = max(level, 0.0)
         data.qfrc_passive[dof] -= np.interp(v, *table["torque over speed"])
         data.qfrc_passive[dof] -= np.interp(q, *table["torque over position"])
+    for first, second, C in SPRINGS:
+        joints = model.joint(first), model.joint(second)
+        q = data.qpos[[joint.qposadr[0] for joint in joints]]
+        one = np.ones(2)
+        f = np.array([one, q, q * q / 2, np.sin(q), np.cos(q)]).T
+        slope = np.array([0 * q, one, q, np.cos(q), -np.sin(q)]).T
+        data.qfrc_passive[joints[0].dofadr[0]] -= slope[0] @ C @ f[1]
+        data.qfrc_passive[joints[1].dofadr[0]] -= f[0] @ C @ slope[1]
 '''
 
 
@@ -82,11 +94,29 @@ def write_snippet(whole: Robot, alone: Robot, path: Path) -> tuple[Path | None, 
             titles |= dict.fromkeys(parts)
             friction = alone.nominal.get(f"{axis.name}.Fc", 0.0)
             tables[axis.name] = _tabulate(whole, axis, parts, friction)
-    if not tables:
+    springs = [*_list_springs(whole, alone)]
+    if not (tables or springs):
         return None, []
+    titles |= dict.fromkeys([title_of(SpringOverTwo.name)] if springs else [])
     file = for_python(alone.path.name)
-    text = TEXT.format(file=file, tables=for_python(tables, width=96))
+    written = {
+        name: for_python(x, width=96) for name, x in (("tables", tables), ("springs", springs))
+    }
+    text = TEXT.format(file=file, **written)
     return write_text(path, text), [*titles]
+
+
+def _list_springs(whole: Robot, alone: Robot) -> Iterator[tuple[str, str, list[list[float]]]]:
+    """Yield the joints of each spring over two of them, and the factors of its potential."""
+    for place in find_family(SpringOverTwo.name).places(whole):
+        names = [f"{place}.{kind}" for kind in SpringOverTwo.kinds]
+        factors = np.zeros((5, 5))
+        factors[tuple(PRODUCTS.T)] = [
+            whole.nominal.get(n, 0.0) - alone.nominal.get(n, 0.0) for n in names
+        ]
+        if factors.any():
+            first, second = place.split(OVER_BOTH)
+            yield first, second, factors.tolist()
 
 
 def _find_parts(whole: Robot, alone: Robot, axis: Axis) -> Parts:

@@ -119,3 +119,14 @@ def test_shapes_are_distances_of_knots_and_only_reached_splines_are_tried(polar,
 def test_a_grid_too_fine_is_refused(polar, rejected):
     with rejected("360 pieces"):
         Model.of("position_torque@lift:0.01").parameters(polar)
+
+
+def test_a_spring_over_two_joints_is_linear_or_has_no_free_length(polar, pair, m):
+    found = columns(polar, m, "spring_over_two")
+    W = np.stack([c.ravel() for _, c in found.values()], 1)
+    for row, slope in ([0.4, -1.0], np.array), ([1.0, 1.0], np.sin):
+        torque = np.outer(slope(m.actuated_q @ row - 0.3), row).ravel()
+        value = np.linalg.lstsq(W, torque)[0]
+        assert_allclose(W @ value, torque, atol=1e-9)
+    assert {n[:12] for n in found} == {"lift~reach.U"}
+    assert not find_family("spring_over_two").places(pair)  # on two branches
