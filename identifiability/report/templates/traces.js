@@ -64,7 +64,7 @@ function drawTraces(figure) {
     }, data.rows, box);
     // Of a long log the first part is shown, in which single swings can be seen.
     const [times] = data.rows, few = box.clientWidth / 2;
-    if (times.length > 4 * few) plot.setScale("x", { min: times[0], max: times[Math.round(few)] });
+    if (times.length > 8 * few) plot.setScale("x", { min: times[0], max: times[Math.round(few)] });
     reset.onclick = () => plot.setScale("x", { min: data.rows[0][0], max: data.rows[0].at(-1) });
   };
   for (const button of buttons) button.addEventListener("click", () => {
