@@ -22,7 +22,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from identifiability.effects import FAMILIES, default_effects
+from identifiability.effects import FAMILIES, default_effects, find_families
 from identifiability.effects.base import GravityTilt
 from identifiability.effects.friction import PassiveJointFriction
 from identifiability.effects.measurement import (
@@ -35,8 +35,14 @@ from identifiability.effects.measurement import (
 from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import MissingEffects, Share, describe_term, place_of
-from identifiability.estimation.mixed_model import EVERYWHERE
+from identifiability.estimation.groups import (
+    Missing,
+    MissingEffects,
+    Share,
+    describe_term,
+    place_of,
+)
+from identifiability.estimation.mixed_model import EVERYWHERE, Terms
 from identifiability.estimation.motion import MotionChoice, choose_motion, read_records
 from identifiability.estimation.search import find_missing
 from identifiability.foundation.errors import LogError
@@ -248,6 +254,24 @@ class Data(OfStructure):
             play=play,
             own_delays=None if rolled is None else rolled.own_delays,
         )
+
+    @property
+    def sure(self) -> list[Share]:
+        """Missing effects that are sure even if no other effect is missing."""
+        pairs = zip(self.missing.shares, self.missing.alone, strict=False)
+        return [s for s, alone in pairs if min(s.term.odds, alone) >= RULES.log_odds]
+
+    @cached_property
+    def tilt(self) -> Terms:
+        """The tilt of the base if it is sure; only rows that a tilt explains are searched."""
+        if self.recordings.commanded:
+            return ()
+        family = find_families([GravityTilt.name])
+        alone = Missing.of(self.regression, family, self.structure.present)
+        seen = alone.groups and len(alone.seen.y)
+        if not seen or alone.model().gains()[0].odds < RULES.log_odds:
+            return ()
+        return tuple(s.term for s in self.sure if s.term.group.family == GravityTilt.name)
 
     @cached_property
     def measured(self) -> MeasuredLogs:
@@ -685,8 +709,7 @@ class Case:
         """
         if data.recordings.commanded:
             return data
-        pairs = zip(data.missing.shares, data.missing.alone, strict=False)
-        sure = [s for s, alone in pairs if min(s.term.odds, alone) >= RULES.log_odds]
+        sure = data.sure
         units = [ask_for_unit(s) for s in sure if is_another_unit(s)]
         if units:  # the same data are the key of later stages
             data = replace(data, hints=(*data.hints, *units))

@@ -240,3 +240,23 @@ def test_a_shape_that_lies_between_is_found_and_nothing_beside_it(diagnosis_of, 
 def test_static_friction_is_below_the_largest_torque_of_a_joint_that_moved():
     laws = Laws.of([Mock(shape=1)] * 2, 5.0, *np.array([[[1, 0]], [[9, 3]], [[1, 1]]]))
     assert laws.level[laws.best] < 5
+
+
+def test_a_tilt_stands_beside_a_cable_and_is_written_for_every_verb(logs_of):
+    """A flexible curve of several joints explains more than a tilt, and hides its direction."""
+    logs = logs_of("six-dof-arm", "gravity_tilt=0.05")
+    scale = logs[0].tau.std(0)
+    off = 0.5 * scale * [1, -1, 1, -1, 1, -1]
+
+    def pull(log):
+        s = log.q[:, 3] + 0.5 * log.q[:, 4] - 0.2
+        cable = (0.7 * s + 0.55 * s**3) * scale[3] / 1.5
+        return replace(log, tau=log.tau + off + cable[:, None] * [0, 0, 0, 1, 0.5, 0])
+
+    found = diagnose("six-dof-arm", [*map(pull, logs[:4])], pull(logs[4]), quick=True)
+    tilt = found.effects[0]
+    assert tilt.name == "gravity_tilt"
+    assert tilt.placements[0].values == pytest.approx([0.031, 0.037], abs=0.005)
+    assert "What is missing? A tilted base, 2." in found.details
+    assert "gravity_tilt@base" in found.to_ladder().models[0].effects
+    assert found.physical["gravity"]["degrees"] == pytest.approx(2.7, abs=0.5)

@@ -14,17 +14,26 @@ import pandas as pd
 from scipy.special import expit, logit
 
 from identifiability.effects import find_family, title_of
+from identifiability.effects.base import GravityTilt, apply_tilt
 from identifiability.estimation.rules import RULES
 from identifiability.estimation.verdict import other_terms
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import BASE, OVER_BOTH, Array, NumberByName, Strings
+from identifiability.foundation.names import (
+    BASE,
+    OVER_BOTH,
+    Array,
+    NumberByName,
+    Strings,
+    name_each,
+)
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     NONE,
     REACH,
+    format_number,
     join,
     measured,
     state_probability,
@@ -433,7 +442,7 @@ def _likeliest(e: NamedEffect) -> list[str]:
 
 
 def _state_size(d: Diagnosis, e: NamedEffect) -> str:
-    """Return the masses of a load, or the largest torque of an effect, ± one standard error.
+    """Return masses of a load, a tilt's angle, or the largest torque, ± one standard error.
 
     The largest torque in the logs replaces numbers of another unit, several numbers, and the limit
     of a curve that the logs do not reach. A remark says if this limit may also be zero.
@@ -446,6 +455,11 @@ def _state_size(d: Diagnosis, e: NamedEffect) -> str:
         return sentence("diagnosis.missing", "size", size=" and ".join(sizes))
     if not placements:
         return ""
+    if e.name == GravityTilt.name and d.included:
+        numbers = name_each(d.completed.base.names, d.values)
+        tilt = apply_tilt(d.completed.robot, numbers)[0].tilt
+        angle = format_number(tilt.degrees, 2) if tilt else "0"
+        return sentence("diagnosis.missing", "size", size=f"{angle}°")
     torques = [row for row in rows if row[3] in TORQUE_UNITS]
     most = max(placements, key=lambda p: p.peak)
     units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))

@@ -342,7 +342,8 @@ def without_parts(naming: Naming, gone: Collection[int]) -> Naming:
     last = [naming.parts[k] for k in sorted(gone)]
     placed = [(p, replace(p.term.group, place=p.candidate.place)) for p in last]
     more = [(replace(p.term, group=group), p.left_out, np.nan) for p, group in placed]
-    terms = tuple(dict.fromkeys(p.term for p in first))
+    found = {t.key for t in naming.problem.found}
+    terms = tuple(dict.fromkeys(p.term for p in first if p.term.key not in found))
     after = further_gains(naming.search, naming.search.model.update_terms(terms))
     possible = (*naming.possible, *more)
     return with_parts(replace(naming, after=after, possible=possible), first)
@@ -357,21 +358,27 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     effects : iterable of str, optional
         Families that may be named; all by default.
     """
-    s, known = problem.structure, problem.known
-    fitted = ResidualRows.of(problem.regression(s, problem.excerpt or problem.samples), known)
-    others = problem.unseen_excerpt or problem.validation
-    unseen = ResidualRows.of(problem.regression(s, others), known) if others else fitted
+    s = problem.structure
+    fitted, unseen = _rows_of(problem, s, problem.known)
     asked = {f.name: f for f in find_families(effects, commanded=problem.commanded)}
     every = {f.name: f for f in find_families(None, commanded=problem.commanded)} | asked
     motions = [x.motion for x in fitted.samples]
     families = tuple(every.values())
     listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=problem.fixed)
-    candidates = with_reversals(s.robot, listed, s.present)
-    missing = Missing(candidates, fitted.seen, known.root, families=frozenset(asked))
-    search = Search(missing, unseen.seen if others else None)
+    found = {t.key: t for t in problem.found if t.group.family in asked}
+    known, rows = problem.known, (fitted, unseen)
+    if found:
+        texts = (f"{family}@{place}" for family, place in found)
+        started = Structure.of(s.robot, Model.of(*s.model.texts, *texts))
+        known = know_nothing(started)
+        rows = _rows_of(problem, started, known)
+    others = [c for c in listed if c.group not in found]
+    candidates = with_reversals(s.robot, others, s.present)
+    missing = Missing(candidates, rows[0].seen, known.root, families=frozenset(asked))
+    search = Search(missing, None if unseen is fitted else rows[1].seen)
     before = tuple(search.model.gains())
     refusals = tuple(r for r in refused if r.family in asked)
-    found = Naming(
+    looked = Naming(
         problem=problem,
         fitted=fitted,
         unseen=unseen,
@@ -381,14 +388,31 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
         before=before,
         after=before,
     )
-    return with_parts(found, ())
+    parts = [_write_found(c, found[c.group]) for c in listed if c.group in found]
+    return with_parts(looked, parts)
+
+
+def _rows_of(
+    problem: Problem, structure: Structure, known: KnownValues
+) -> tuple[ResidualRows, ResidualRows]:
+    """Return fitted and unseen rows of the search under a model; the same without unseen ones."""
+    excerpts = problem.excerpt or problem.samples, problem.unseen_excerpt or problem.validation
+    rows = [ResidualRows.of(problem.regression(structure, x), known) for x in excerpts if x]
+    return rows[0], rows[-1]
+
+
+def _write_found(candidate: Candidate, term: Term) -> Part:
+    """Return an effect that the case has found as a part."""
+    weight = float(softmax([term.odds, *(t.odds for t in term.rivals)])[0])
+    return Part(candidate, term, term.odds, term.unseen, term.rivals, weight)
 
 
 def name_missing(looked: Naming) -> Naming:
     """Return the missing effects, found on fitted rows and not refuted by unseen rows."""
     judged = name_terms(looked.search)
     search = judged.search
-    parts = [p for k in range(len(judged.terms)) for p in _write_term(judged, k)]
+    new = [p for k in range(len(judged.terms)) for p in _write_term(judged, k)]
+    parts = [*looked.parts, *new]
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
     after = further_gains(search, judged.terms)

@@ -16,6 +16,7 @@ from identifiability.estimation.differences import Known
 from identifiability.estimation.estimate import Outliers, estimate_noise, find_estimator, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import Excerpt
+from identifiability.estimation.mixed_model import Terms
 from identifiability.estimation.prediction import Prediction, change_interval
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import phrase
@@ -114,6 +115,8 @@ class Problem(OfStructure):
         The models that `analyze` compares; None where a model was given.
     columns : tuple of (Structure, Regression)
         Columns along the samples that were computed already.
+    found : tuple of Term
+        Missing effects that the case has found; the search for others begins with them.
     """
 
     structure: Structure
@@ -133,6 +136,7 @@ class Problem(OfStructure):
     recommended: Recommended | None = None
     ladder: LadderEntry | None = None
     columns: tuple[tuple[Structure, Regression], ...] = ()
+    found: Terms = ()
 
     @property
     def left_out(self) -> tuple[Any, ...]:

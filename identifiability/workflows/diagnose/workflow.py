@@ -509,7 +509,8 @@ def recommend(
     chosen = results[select_model(results, fitted.near)]
     assert chosen.physical is not None  # each model of a ladder has its nearest robot
     best = Recommended.of(chosen.submodel, chosen.estimate.value, chosen.physical, chosen.real)
-    problem = replace(problem, ladder=entry)
+    tilt = () if entry is None else rows.data.tilt
+    problem = replace(problem, ladder=entry, found=tilt)
     structure = compared.structure
     same = _as_diagnosed(structure, problem.structure, best.base)
     if same is not None:
@@ -837,11 +838,17 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
 
 
 def _place_families(naming: Naming) -> list[dict[int, Placement]]:
-    """Return the placements of each named family by their part, that which explains most first."""
+    """Return the placements of each named family by their part, that which explains most first.
+
+    Effects that the case has found go before those of the search.
+    """
     families = defaultdict[str, dict[int, Placement]](dict)
     for k, part in enumerate(naming.parts):
         families[part.candidate.family.name][k] = _place(naming, k)
-    return sorted(families.values(), key=lambda own: -max(p.odds for p in own.values()))
+    started = {t.group.family for t in naming.problem.found}
+    odds = {name: max(p.odds for p in own.values()) for name, own in families.items()}
+    order = sorted(families, key=lambda name: (name not in started, -odds[name]))
+    return [families[name] for name in order]
 
 
 def _list_effects(
