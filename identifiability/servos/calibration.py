@@ -16,12 +16,13 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from identifiability.foundation.linalg import or_one
+from identifiability.foundation.linalg import or_one, solve_least
 from identifiability.foundation.names import Array, NumberByName
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import longest_delay
 from identifiability.logs.log import bridge_gaps
 from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability.regression.information import gather_information
 from identifiability.regression.structure import Structure
 from identifiability.simulation.rollout import CommandedRobot, forgotten
 
@@ -203,12 +204,14 @@ def fit_delay(structure: Structure, logs: Sequence[Log]) -> tuple[float, float]:
     """
     dt = max(signals.sampling_step(log.t) for log in logs)
     misfit = _delay_likelihood(structure, logs, Preparation(cutoff=0.1 / dt))
-    grid = dt * np.arange(-1, min(map(longest_delay, logs)) + 1)
-    start = min(grid, key=misfit)
-    best = scipy.optimize.minimize_scalar(misfit, bounds=(start - dt, start + dt), method="bounded")
+    first, *later = dt * np.arange(-1, min(map(longest_delay, logs)) + 1)
+    start = min([first, *later], key=misfit)
+    bounds = max(start - dt, first), start + dt
+    best = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded").x
+    best = min(first, best, key=misfit)
     near = 0.1 * dt
-    curvature = misfit(best.x - near) - 2 * best.fun + misfit(best.x + near)
-    return float(best.x), float(near / np.sqrt(max(curvature, 1e-12)))
+    curvature = misfit(best - near) - 2 * misfit(best) + misfit(best + near)
+    return float(best), float(min(near / np.sqrt(max(curvature, 1e-12)), later[-1]))
 
 
 def _delay_likelihood(
@@ -218,25 +221,19 @@ def _delay_likelihood(
 
     Steps of held commands between rows bias it where torque is kept up to a high frequency.
     """
-    robot = structure.robot
-    samples = [prepare_log(robot, log, how) for log in logs]
+    servo = structure.robot.servo
+    assert servo is not None
+    samples = [prepare_log(structure.robot, log, how) for log in logs]
     regression = structure.regression(samples)
 
-    def torque(delay: float) -> Array:
-        assert robot.servo is not None
-        changes = [servo_log(log, robot.servo, delay).tau - log.tau for log in logs]
+    def misfit(delay: float) -> float:
+        changes = [servo_log(log, servo, delay).tau - log.tau for log in logs]
         pairs = zip(samples, changes, strict=True)
         later = [replace(s, tau=s.tau + change[s.motion.kept]) for s, change in pairs]
-        return np.concatenate([c.tau for c in regression.with_torque(later).chunks()])
-
-    scale = or_one(torque(0.0).std(axis=0))
-    W = np.concatenate([c.W for c in regression.chunks()]) / scale[:, None]
-    count = W.any(axis=2).sum(axis=0)
-    basis = scipy.linalg.orth(W.reshape(-1, W.shape[2]))
-
-    def misfit(delay: float) -> float:
-        rows = torque(delay) / scale
-        residual = rows - (basis @ (basis.T @ rows.ravel())).reshape(rows.shape)
-        return float(0.5 * count @ np.log(or_one((residual**2).sum(axis=0))))
+        rows = gather_information(regression.with_torque(later), 1)
+        R = rows.factor(1.0 / or_one(rows.variation))
+        values = solve_least(R[:, :-1], R[:, -1])
+        squares = rows.squares(np.append(values, -1.0))
+        return float(0.5 * rows.rows_each @ np.log(or_one(squares)))
 
     return misfit

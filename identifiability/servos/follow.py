@@ -372,8 +372,11 @@ def _without_rollouts(
     servo = structure.robot.servo
     assert servo is not None
     delay, sd = servo.delay, 0.0
+    early: list[Finding] = []
     if delay is None:
-        delay, sd = fit_delay(structure, [recordings.fitted[k] for k in at])
+        logs = [recordings.fitted[k] for k in at]
+        delay, sd = fit_delay(structure, logs)
+        early = find_earliest(logs, [delay] * len(logs))
         recordings = _move_later(recordings, servo, delay)
     own = {k: recordings.fitted[k] for k in at}
     variants = [(servo, sd)] * (sd > 0) + [(rival, 0.0) for rival in servo.doubted]
@@ -383,7 +386,8 @@ def _without_rollouts(
     late = {"late": 1e3 * delay, "delay": round(delay, 4)}
     which = "none" if servo.delay is None else "stated"
     texts = phrase("rollouts", which, error=str(error), **late), servo.state_lags()
-    hints = (Finding("rollouts", text=" ".join(filter(None, texts))), *recordings.hints)
+    said = Finding("rollouts", text=" ".join(filter(None, texts)))
+    hints = (said, *early, *recordings.hints)
     recordings = replace(recordings, hints=hints, later=tuple(later))
     servo = replace(servo, delay=delay)
     return recordings, replace(structure, robot=replace(structure.robot, servo=servo))
