@@ -235,8 +235,10 @@ class CommandDelay(TimeDelay):
 def _needs_stated_gain(robot: Robot, place: str) -> str:
     """Return why logs cannot show a wrong scale of the torque; empty if they can."""
     if robot.servo is not None and place in robot.joints:
-        log_kp = robot.joints.index(place) - len(robot.joints)
-        if any(change[log_kp] for change in robot.servo.doubt):
+        *_, log_kp = np.split(robot.servo.doubt.reshape(-1, 3 * len(robot.joints)), 3, axis=1)
+        # A change of all gains alike leaves their ratios as they are stated.
+        of_one = log_kp[np.ptp(log_kp, axis=1) > 0, robot.joints.index(place)]
+        if of_one.any():
             return "the logs determine the gain of its servo, and so this scale"
     return needs_masses(robot, place)
 

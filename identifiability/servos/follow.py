@@ -240,21 +240,39 @@ def identify_servos(
         servo = with_numbers(servo, better)
     robot = replace(robot, servo=servo)
     text = filter(None, [check_found(robot, logs, found), state_servos(robot, logs, found)])
-    scale = list[Finding]()
-    larger, chance, error = compare_bodies(found)
     # Gains that logs determined have the scale of the file's bodies already.
-    if not (servo.rolled or servo.kept) and abs(larger) > chance:
-        found, factor = divide_gains(found)
-        scale = [Finding("gains_scale", servo.source, factor=factor)]
-        servo = with_numbers(servo.divided(factor), found)
-        alike = np.concatenate([servo.integral, servo.kv, np.ones(len(servo.kp))])
-        # Whether kv is as wrong as kp is unknown: viscous friction replaces it.
-        of_kv = np.concatenate([0.0 * servo.integral, servo.kv, 0.0 * servo.kp])
-        doubt = [servo.doubt, error * alike, (factor - 1.0) * of_kv]
-        servo = replace(servo, doubt=np.vstack(doubt))
+    scale: tuple[Finding, ...] = ()
+    if not (servo.rolled or servo.kept):
+        found, servo, scale = scale_servos(servo, found)
         robot = replace(robot, servo=servo)
     rivals += servo.doubted
     return IdentifiedServos(robot, found, tuple(rivals), (*odd, *scale), " ".join(text))
+
+
+def scale_servos(servo: Servo, found: Rollouts) -> tuple[Rollouts, Servo, tuple[Finding, ...]]:
+    """Return rollouts and servos with stated gains of a known scale, and findings on this scale.
+
+    Gains are divided if they make all bodies too heavy. If the bodies may all be that heavy, their
+    common scale is in doubt by as much, but by no more than the bodies determine it.
+    """
+    larger, chance, error = compare_bodies(found)
+    divides = abs(larger) > chance
+    factor = float(np.exp(larger))
+    source = servo.source
+    if divides:
+        found, factor = divide_gains(found)
+        servo = with_numbers(servo.divided(factor), found)
+    # Whether kv is as wrong as kp is unknown: viscous friction replaces it.
+    by_kv = np.concatenate([0.0 * servo.integral, servo.kv * (servo.kp > 0), 0.0 * servo.kp])
+    by_all = np.concatenate([servo.integral, servo.kv, np.ones(len(servo.kp))])
+    if divides:
+        doubts = [error * by_all, (factor - 1.0) * by_kv]
+    else:
+        doubts = [min(error, abs(larger)) * (by_all - by_kv)]
+    doubt = np.vstack([servo.doubt.reshape(-1, len(by_all)), *doubts])
+    said = Finding("gains_scale" if divides else "gains_or_bodies", source, factor=factor)
+    findings = (said,) * (divides or abs(larger) > error)
+    return found, replace(servo, doubt=doubt[doubt.any(axis=1)]), findings
 
 
 def _calibrate(

@@ -100,17 +100,11 @@ def find_odd_joints(
     """
     problem, end = found.search
     stated = problem.over
-    # Where errors are those of recording, no more than a wrong gain can show.
-    erring = np.unique(problem.trees[_exceed(problem, found.errors)])
-    screening = _screen(problem, end, gains_alone=not len(erring))
     explained = _list_freed(problem, end)
-    for tree in np.unique(problem.trees):
-        say(float(np.mean(problem.trees < tree)))
-        explain = _explain_tree if tree in erring else _explain_little
-        for best in explain(problem, end, tree, screening, found.errors):
-            explained.append(best)
-            if _kind(problem, best[0].numbers) != "play":
-                end = best[0].end
+    for best in _explain_trees(problem, end, found.errors, say):
+        explained.append(best)
+        if _kind(problem, best[0].numbers) != "play":
+            end = best[0].end
     for rare in _find_rare_limits(problem, end):
         explained.append([rare])
         end = rare.end
@@ -122,8 +116,33 @@ def find_odd_joints(
             problem.varied[numbers] = False
         problem.over = stated
         better, explained = found, []
-    findings = [_state_odd(robot, better, best) for best in explained]
+    every = np.array([number for numbers in used for number in numbers], int)
+    findings = [_state_odd(robot, better, best, every) for best in explained]
     return findings, _doubt_damping(better, explained), any(len(best) > 1 for best in explained)
+
+
+def _explain_trees(
+    problem: RolloutProblem, end: SearchEnd, errors: Array, say: Callable[[float], None]
+) -> Iterator[list[Explanation]]:
+    """Yield the numbers that explain the errors (n,) of each odd joint, best first.
+
+    A gain that is far off hides others that are less so: they are looked for once it is used.
+    """
+    erring = np.unique(problem.trees[_exceed(problem, errors)])
+    # Where errors are those of recording, no more than a wrong gain can show.
+    screening = _screen(problem, end, gains_alone=not len(erring))
+    kinds = set[str]()
+    for tree in np.unique(problem.trees):
+        say(float(np.mean(problem.trees < tree)))
+        explain = _explain_tree if tree in erring else _explain_little
+        for best in explain(problem, end, tree, screening, errors):
+            yield best
+            kind = _kind(problem, best[0].numbers)
+            kinds.add(kind)
+            end = end if kind == "play" else best[0].end
+    errors = problem.errors(end.q)
+    if kinds == {"kp"} and _exceed(problem, errors).any():
+        yield from _explain_trees(problem, end, errors, lambda share: None)
 
 
 def _doubt_damping(found: Rollouts, explained: Sequence[Sequence[Explanation]]) -> Rollouts:
@@ -272,8 +291,9 @@ def _list_worst(
     To first order other numbers replace a gain that is far off, so that it promises nothing.
     """
     squares = errors**2 * joints
+    is_stated = ~problem.varied[problem.at("kp")]
     # A quarter: one joint or two stand out, whatever noise is in the others.
-    much = np.flatnonzero(4 * squares > squares.sum())
+    much = np.flatnonzero(is_stated & (4 * squares > squares.sum()))
     already = [group[0] % len(joints) for group in promising]
     tried = np.setdiff1d(much, np.concatenate([[], *already]))
     ordered = tried[np.argsort(-squares[tried])]
@@ -514,8 +534,13 @@ def _fit_numbers(problem: RolloutProblem, x: Array, numbers: np.ndarray) -> Sear
     return fitted
 
 
-def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Finding:
-    """Return a finding on the errors of a tree: explanations, best first, and the consequence."""
+def _state_odd(
+    robot: Robot, found: Rollouts, best: Sequence[Explanation], used: np.ndarray
+) -> Finding:
+    """Return a finding on the errors of a tree: explanations, best first, and the consequence.
+
+    The sidecar's lines hold all numbers (u,) of a kind that are used, as it has one line a kind.
+    """
     problem = found.search[0]
     first = best[0]
     kind = _kind(problem, first.numbers)
@@ -529,19 +554,24 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
     sd += 0.025 * value * (kind == "limit")
     joints = [robot.joints[j] for j in at]
     fitted = [f"{joint} {x:.4g} ± {by:.2g}" for joint, x, by in zip(joints, value, sd, strict=True)]
-    keys = (key, "kv") if key == "kp" and first.over[KINDS.index("kv"), at].any() else (key,)
-    stated = [_state_numbers(joints, found.numbers[kind][at], kind) for kind in keys]
+    alike = used[np.isin(used // len(problem.trees), first.numbers // len(problem.trees))]
+    every = alike % len(problem.trees)
+    weak = every[problem.over[KINDS.index("kv"), every]]
+    lines = {key: every} | ({"kv": weak} if key == "kp" and len(weak) else {})
+    stated = [_state_numbers(robot, found, *line) for line in lines.items()]
     said = {"fitted": listing(fitted, 12), "stated": stated, "open": first.is_open}
     then = phrase("odd_joint", "off" if kind == "play" else "used", **said)
-    what = " or ".join(_describe(robot, problem, explanation) for explanation in best)
     play = joints if kind == "play" else []
+    # Numbers that are used end with those of other findings.
+    final = first if play else first._replace(end=found.search[1])
+    what = " or ".join(_describe(robot, problem, x) for x in (final, *best[1:]))
     return Finding("odd_joint", what=what, share=100 * (1 - first.share), then=then, play=play)
 
 
-def _state_numbers(joints: Sequence[str], values: Array, kind: str) -> str:
-    """Return numbers of a kind as a line of a sidecar."""
-    pairs = zip(joints, values, strict=True)
-    stated = ", ".join(f"{toml_key(joint)} = {x:.4g}" for joint, x in pairs)
+def _state_numbers(robot: Robot, found: Rollouts, kind: str, at: np.ndarray) -> str:
+    """Return the numbers of a kind of some joints (k,) as a line of a sidecar."""
+    values = found.numbers[kind]
+    stated = ", ".join(f"{toml_key(robot.joints[k])} = {values[k]:.4g}" for k in at)
     return f"{kind} = {{{stated}}}"
 
 
