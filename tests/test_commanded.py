@@ -793,7 +793,7 @@ def test_a_first_answer_stays_if_the_user_stops_the_whole_one(
         verb(unstated, frames[0], frames[1], first=stop)
     assert_allclose(answers[0].loc[[*arm.joints], "kp"], arm.servo.kp, rtol=0.05)
     page = (tmp_path / "page.html").read_text()
-    assert "from 3 s of the 8 s of logs" in page
+    assert "from 3\xa0s of the 8\xa0s of logs" in page
     assert "The whole answer replaces this page" in page
 
 
