@@ -225,7 +225,7 @@ class Missing:
         square = self._squares.sum(0)
         for c in self.candidates:
             at = list(c.columns)
-            if c.family.flexible and c.effect.shape_size:
+            if c.family.flexible and OVER_BOTH not in c.place:
                 square[at] = square[at].max()
             elif c.family.name in BODIES and len(at) > 1:
                 typical = np.array([LOAD[kind.rpartition("_")[2]] for kind in c.kinds])
@@ -286,7 +286,8 @@ class Missing:
         """
         found: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
         for c in self.candidates:
-            if c.family.flexible:
+            # The many columns of springs over two joints would pass for the memory of noise.
+            if c.family.flexible and OVER_BOTH not in c.place:
                 found[c.group].append(c)
         out = []
         for own in sorted(

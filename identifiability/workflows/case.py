@@ -268,8 +268,8 @@ class Data(OfStructure):
             return ()
         family = find_families([GravityTilt.name])
         alone = Missing.of(self.regression, family, self.structure.present)
-        seen = alone.groups and len(alone.seen.y)
-        if not seen or alone.model().gains()[0].odds < RULES.log_odds:
+        gains = alone.model().gains() if alone.groups and len(alone.seen.y) else []
+        if not gains or gains[0].odds < RULES.log_odds:
             return ()
         return tuple(s.term for s in self.sure if s.term.group.family == GravityTilt.name)
 

@@ -70,5 +70,5 @@ def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
         prune("two-link", log, replicates=20),
         diagnose("two-link", log, quick=True, forward=False),
     ):
-        (hint,) = (h for h in found.hints if " outliers less weight; " in h)
-        assert re.search(r" of a(, part 1)? are outliers .t = 2\..*The torque of elbow is ", hint)
+        (hint,) = (h for h in found.hints if " outliers less weight: " in h)
+        assert re.search(r" of a(, part 1)? are outliers .t = 2\..*: the torque of elbow is ", hint)

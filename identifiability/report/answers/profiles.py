@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from identifiability.effects import FAMILIES, title_of
 from identifiability.effects.effect import EXPONENT
@@ -40,8 +39,7 @@ def answer_profiles(
             best = f"{family}@{place}:{curve.best:.3g}{more}"
             holes = {"stated": rounded, "unit": curve.number.unit, "best": best}
             said.append(sentence("analysis.bounds", "excluded", **holes))
-    found = answer("analysis.bounds", "found", regions=" ".join(said[:2]))
-    return replace(found, more=" ".join(said[2:]))
+    return answer("analysis.bounds", "found", regions=" ".join(said))
 
 
 def is_width(curve: Profile) -> bool:

@@ -131,9 +131,9 @@ def test_the_sentence_names_log_time_joint_and_parameter():
     tau[500:510, 1] += 5.0 * W[500:510, 1, 2]
     _, text, _ = weigh_rows(["shoulder", "elbow"], LOGS, gathered(W, tau), WLS)
     assert text.startswith(
-        "10 rows of two are outliers (t = 11 to 11.09 s). The torque of elbow is "
+        "10 rows of two are outliers (t = 11 to 11.09 s): the torque of elbow is "
     )
-    assert "With full weight c would move by " in text
+    assert "with full weight c would move by " in text
     assert weigh_rows(["shoulder", "elbow"], LOGS, gathered(*rows()), WLS)[1] == ""
     tau = rows()[1]
     tau[503, 1] += 8 * 0.05  # is weighed down and moves nothing
