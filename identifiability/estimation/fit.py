@@ -694,8 +694,8 @@ class Fit:
 
 
 #: Terms of the interval of a label, and those that are the value's own.
-TERMS = ("noise", "logs", "alternatives", "omitted", "delay", "bias", "prior")
-OF_VALUES = ("noise", "logs", "delay", "bias", "prior")
+TERMS = ("noise", "logs", "alternatives", "omitted", "delay", "bias", "shape", "prior")
+OF_VALUES = ("noise", "logs", "delay", "bias", "shape", "prior")
 
 
 def remembering_covariance(information: Information, fit: Estimate) -> Array:

@@ -1,13 +1,17 @@
 """`SharedErrors`: changes of the values by errors that all samples of a log share."""
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from identifiability.effects import Part, Placed, find_family
+from identifiability.effects.effect import EXPONENT
 from identifiability.estimation.estimate import with_known
 from identifiability.estimation.estimator import Estimator
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
@@ -16,7 +20,7 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.series import KINDS, measured_noise
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.regression import Regression
+from identifiability.regression.regression import Model, Regression
 from identifiability.robot import Robot
 from identifiability.workflows.case import Data, WeightedRows
 
@@ -27,7 +31,8 @@ class SharedErrors:
 
     ``delay`` is due to delays and gains of servos. ``bias`` is due to noise in computed derivatives
     below the cut-off, where no second record of the motion removes it. Adding the same noise again
-    moves the values by the bias that they already have [Cook 1994].
+    moves the values by the bias that they already have [Cook 1994]. ``shape`` is due to speeds and
+    exponents of friction, which were fitted and which the model takes as known.
 
     Attributes
     ----------
@@ -35,8 +40,8 @@ class SharedErrors:
         About all columns, with equal rows.
     others : mapping of str to tuple of Information
         The same with commands of one log later by one standard deviation of its delay, with
-        estimated gains changed by one standard deviation, and with the noise of the motion added
-        again.
+        estimated gains changed by one standard deviation, with the noise of the motion added
+        again, and with shapes of friction changed by one standard error.
     estimator : Estimator
     """
 
@@ -74,7 +79,66 @@ def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
         noisier = {k: noise_again(log, rng(0)) for k, log in fitted if not log.long}
         noisy = data.structure.regression(_prepare_again(data, noisier))
         others["bias"] = (_gather(data, noisy),)
+    shifted = _shift_shapes(rows)
+    if shifted:
+        others["shape"] = shifted
     return SharedErrors(rows.unweighted, others, rows.estimator)
+
+
+def _shift_shapes(rows: WeightedRows) -> tuple[Information, ...]:
+    """Return the information with torque less that of errors of the shapes of friction.
+
+    Each error is one standard error along an axis of the joint covariance of all shapes. The slopes
+    of torque over their logarithms are further columns of the fit that gives it.
+    """
+    data = rows.data
+    structure = data.structure
+    names = structure.base.names
+    values = dict(zip(names, rows.estimator.fit(rows.unweighted).value.tolist(), strict=True))
+    step = 0.01  # a hundredth changes the slope little
+    parts = defaultdict[str, list[Part]](list)
+    slopes = defaultdict[str, list[Array]](list)
+    for (place, family), shape in _list_fitted_shapes(structure.shapes).items():
+        effect = Placed([_at(place, family, shape)])
+        level = np.array([values.get(p.name, 0.0) for p in effect.parameters(data.robot)])
+        for k in np.flatnonzero(shape) if level.any() else ():
+            factors = np.ones((2, len(shape)))
+            factors[:, k] += -step, step
+            parts[family] += [_at(place, family, moved) for moved in factors * shape]
+            slopes[family].append(np.concatenate([-level, level]) / (2 * step))
+    if not parts:
+        return ()
+    added = (Placed(own) for own in parts.values())
+    count, first = len(names), len(structure.parameters)
+    S = block_diag(*(slope[:, None] for own in slopes.values() for slope in own))
+    columns = np.array([*structure.base.kept, *range(first, first + len(S))])
+    model = Model((*structure.model.effects, *added))
+    wide = gather_information(replace(data.regression, model=model, columns=columns))
+    own = np.eye(count + len(S))[:, :count]
+    slope = np.vstack([np.zeros((count, S.shape[1])), S])
+    every = [*names, *map(str, range(S.shape[1]))]
+    covariance = rows.estimator.fit(wide.reduce(np.hstack([own, slope]), every)).covariance
+    sizes, axes = np.linalg.eigh(covariance[count:, count:])
+    errors = axes * np.sqrt(np.maximum(sizes, 0.0))
+    shifted = (wide.reduce(own, names, slope @ error) for error in errors.T)
+    return tuple(with_known(one, structure.known) for one in shifted)
+
+
+def _at(place: str, family: str, shape: Array) -> Part:
+    """Return friction at a joint with a shape, and its exponent if there is one."""
+    first, *powers = shape.tolist()
+    return Part(find_family(family).at((first, *powers) if powers else first, place), place)
+
+
+def _list_fitted_shapes(shapes: NumberByName) -> dict[tuple[str, str], Array]:
+    """Return the shapes of friction with their exponents, by joint and family."""
+    out = {}
+    for name, shape in shapes.items():
+        place, _, family = name.rpartition(".")
+        if not name.endswith(EXPONENT) and find_family(family).continuous:
+            powers = [x for x in [shapes.get(f"{name}{EXPONENT}")] if x is not None]
+            out[place, family] = np.array([shape, *powers])
+    return out
 
 
 def _has_loud_motion(data: Data) -> bool:

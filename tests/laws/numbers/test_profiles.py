@@ -74,6 +74,13 @@ def test_friction_of_another_form_stays_in_doubt_in_a_joint_that_turns_all_the_t
     assert abs(found["elbow.Fv"].estimate - 0.6) < 0.03
 
 
+def test_a_level_has_the_errors_of_its_speed_and_exponent():
+    """A curve that fits as well as the true one (0.1, 1) gave the level as 0.259 ± 0.018."""
+    found = analyze(case_of(0.3, stated="0.12,1.3"), replicates=0)
+    assert found["elbow.Fs"].interval[1] > 0.3
+    assert found["elbow.Fs"].verdict == "identifiable"
+
+
 def test_the_number_of_another_joint_is_not_profiled_as_a_shape():
     found = analyze(case_of(0.3, more=["function_of_other_velocity@elbow:1"]), replicates=0)
     assert len(found.profiles) == 1
