@@ -166,7 +166,8 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
     shorts = [a.short for a in answers]
     told = [x for x in result.remarks if isinstance(x, Finding) and x.told and not every]
     # An answer that leads with a finding begins it with a small letter.
-    choices = [f"Note: {x}" for x in told if not any(x[1:] in short for short in shorts)]
+    led = [x for x in told if any(x[1:] in short for short in shorts)]
+    choices = [f"Note: {x}" for x in told if x not in led]
     said = [*said, *warnings, *choices] if said else [result.statement]
     hints = [x for x in result.remarks if x not in told]
     print_end([*said, *more])

@@ -477,9 +477,10 @@ def _share_joint(one: Term, other: Term) -> bool:
 
     Springs over several pairs of joints are one spring over more joints.
     """
-    first, second = ({*t.group.place.split(OVER_BOTH)} for t in (one, other))
-    apart = one.group.family == other.group.family or first.isdisjoint(second)
-    return one is other or not apart
+    if one.group.family == other.group.family:
+        return one is other
+    joints = other.group.place.split(OVER_BOTH)
+    return not set(one.group.place.split(OVER_BOTH)).isdisjoint(joints)
 
 
 def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:

@@ -271,7 +271,8 @@ class Data(OfStructure):
         gains = alone.model().gains() if alone.groups and len(alone.seen.y) else []
         if not gains or gains[0].odds < RULES.log_odds:
             return ()
-        return tuple(s.term for s in self.sure if s.term.group.family == GravityTilt.name)
+        terms = (share.term for share in self.sure)
+        return tuple(term for term in terms if term.group.family == GravityTilt.name)
 
     @cached_property
     def measured(self) -> MeasuredLogs:

@@ -280,7 +280,8 @@ def _answer_trust(result: Load) -> Answer:
 
 def _answer_gains(result: Load) -> Answer:
     """Return the gains of torque columns, and those that a column in N·m or N does not have."""
-    off = [g.name for g in result.gains if g.told and not g.low < np.sign(g.value) < g.high]
+    told = [g for g in result.gains if g.told]
+    off = [g.name for g in told if not g.low < np.sign(g.value) < g.high]
     unknown = {g.name: g.why for g in result.gains if not g.told}
     parts = []
     for part in ("load", "motors"):

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -91,37 +92,61 @@ def _shift_shapes(rows: WeightedRows) -> tuple[Information, ...]:
     Each error is one standard error along an axis of the joint covariance of all shapes. The slopes
     of torque over their logarithms are further columns of the fit that gives it.
     """
-    data = rows.data
-    structure = data.structure
-    names = structure.base.names
-    values = dict(zip(names, rows.estimator.fit(rows.unweighted).value.tolist(), strict=True))
-    step = 0.01  # a hundredth changes the slope little
-    parts = defaultdict[str, list[Part]](list)
-    slopes = defaultdict[str, list[Array]](list)
-    for (place, family), shape in _list_fitted_shapes(structure.shapes).items():
-        effect = Placed([_at(place, family, shape)])
-        level = np.array([values.get(p.name, 0.0) for p in effect.parameters(data.robot)])
-        for k in np.flatnonzero(shape) if level.any() else ():
-            factors = np.ones((2, len(shape)))
-            factors[:, k] += -step, step
-            parts[family] += [_at(place, family, moved) for moved in factors * shape]
-            slopes[family].append(np.concatenate([-level, level]) / (2 * step))
-    if not parts:
+    structure = rows.data.structure
+    moved = _move_shapes(rows)
+    if not moved:
         return ()
-    added = (Placed(own) for own in parts.values())
-    count, first = len(names), len(structure.parameters)
-    S = block_diag(*(slope[:, None] for own in slopes.values() for slope in own))
-    columns = np.array([*structure.base.kept, *range(first, first + len(S))])
-    model = Model((*structure.model.effects, *added))
-    wide = gather_information(replace(data.regression, model=model, columns=columns))
-    own = np.eye(count + len(S))[:, :count]
-    slope = np.vstack([np.zeros((count, S.shape[1])), S])
-    every = [*names, *map(str, range(S.shape[1]))]
-    covariance = rows.estimator.fit(wide.reduce(np.hstack([own, slope]), every)).covariance
+    effects = [Placed(parts) for parts in moved.parts.values()]
+    slopes = block_diag(*(slope[:, None] for slope in moved.slopes))
+    names = structure.base.names
+    count = len(names)
+    first = len(structure.parameters)
+    columns = np.array([*structure.base.kept, *range(first, first + len(slopes))])
+    model = Model((*structure.model.effects, *effects))
+    wide = gather_information(replace(rows.data.regression, model=model, columns=columns))
+    own = np.eye(wide.size, count)
+    along = np.pad(slopes, ((count, 0), (0, 0)))
+    every = [*names, *map(str, range(along.shape[1]))]
+    covariance = rows.estimator.fit(wide.reduce(np.hstack([own, along]), every)).covariance
     sizes, axes = np.linalg.eigh(covariance[count:, count:])
-    errors = axes * np.sqrt(np.maximum(sizes, 0.0))
-    shifted = (wide.reduce(own, names, slope @ error) for error in errors.T)
+    errors = along @ axes * np.sqrt(np.maximum(sizes, 0.0))
+    shifted = (wide.reduce(own, names, error) for error in errors.T)
     return tuple(with_known(one, structure.known) for one in shifted)
+
+
+class MovedShapes(NamedTuple):
+    """Friction with shapes that are a little smaller and larger than those of the model.
+
+    Attributes
+    ----------
+    parts : mapping of str to list of Part
+        By family; two of each shape.
+    slopes : list of (2 k,)
+        Derivative of the torque with respect to the logarithm of each shape, as levels of the
+        columns of its two parts.
+    """
+
+    parts: defaultdict[str, list[Part]]
+    slopes: list[Array]
+
+
+def _move_shapes(rows: WeightedRows) -> MovedShapes | None:
+    """Return friction of the fitted levels beside the shapes of the model, if it has any."""
+    structure = rows.data.structure
+    fitted = rows.estimator.fit(rows.unweighted).value.tolist()
+    values = dict(zip(structure.base.names, fitted, strict=True))
+    step = 0.01  # a hundredth changes the slope little
+    moved = MovedShapes(defaultdict(list), [])
+    for (place, family), shape in _list_fitted_shapes(structure.shapes).items():
+        levels = Placed([_at(place, family, shape)]).parameters(structure.robot)
+        level = np.array([values.get(p.name, 0.0) for p in levels])
+        if not level.any():
+            continue
+        for one in np.eye(len(shape)):
+            moved.parts[family] += [_at(place, family, shape * (1 - step * one))]
+            moved.parts[family] += [_at(place, family, shape * (1 + step * one))]
+            moved.slopes.append(np.concatenate([-level, level]) / (2 * step))
+    return moved if moved.slopes else None
 
 
 def _at(place: str, family: str, shape: Array) -> Part:

@@ -343,8 +343,9 @@ def without_parts(naming: Naming, gone: Collection[int]) -> Naming:
     placed = [(p, replace(p.term.group, place=p.candidate.place)) for p in last]
     more = [(replace(p.term, group=group), p.left_out, np.nan) for p, group in placed]
     found = {t.key for t in naming.problem.found}
-    terms = tuple(dict.fromkeys(p.term for p in first if p.term.key not in found))
-    after = further_gains(naming.search, naming.search.model.update_terms(terms))
+    terms = dict.fromkeys(p.term for p in first if p.term.key not in found)
+    model = naming.search.model
+    after = further_gains(naming.search, model.update_terms((*terms,)))
     possible = (*naming.possible, *more)
     return with_parts(replace(naming, after=after, possible=possible), first)
 
@@ -403,7 +404,8 @@ def _rows_of(
 
 def _write_found(candidate: Candidate, term: Term) -> Part:
     """Return an effect that the case has found as a part."""
-    weight = float(softmax([term.odds, *(t.odds for t in term.rivals)])[0])
+    odds = [term.odds, *(rival.odds for rival in term.rivals)]
+    weight = float(softmax(odds)[0])
     return Part(candidate, term, term.odds, term.unseen, term.rivals, weight)
 
 
