@@ -1,7 +1,7 @@
 """`SharedErrors`: changes of the values by errors that all samples of a log share."""
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -100,10 +100,7 @@ def _shift_shapes(rows: WeightedRows) -> tuple[Information, ...]:
     slopes = block_diag(*(slope[:, None] for slope in moved.slopes))
     names = structure.base.names
     count = len(names)
-    first = len(structure.parameters)
-    columns = np.array([*structure.base.kept, *range(first, first + len(slopes))])
-    model = Model((*structure.model.effects, *effects))
-    wide = gather_information(replace(rows.data.regression, model=model, columns=columns))
+    wide = _gather_beside(rows.data, effects, len(slopes))
     own = np.eye(wide.size, count)
     along = np.pad(slopes, ((count, 0), (0, 0)))
     every = [*names, *map(str, range(along.shape[1]))]
@@ -112,6 +109,15 @@ def _shift_shapes(rows: WeightedRows) -> tuple[Information, ...]:
     errors = along @ axes * np.sqrt(np.maximum(sizes, 0.0))
     shifted = (wide.reduce(own, names, error) for error in errors.T)
     return tuple(with_known(one, structure.known) for one in shifted)
+
+
+def _gather_beside(data: Data, effects: Sequence[Placed], count: int) -> Information:
+    """Return the information about the model's columns and a count of columns of more effects."""
+    structure = data.structure
+    first = len(structure.parameters)
+    columns = np.array([*structure.base.kept, *range(first, first + count)])
+    model = Model((*structure.model.effects, *effects))
+    return gather_information(replace(data.regression, model=model, columns=columns))
 
 
 class MovedShapes(NamedTuple):
