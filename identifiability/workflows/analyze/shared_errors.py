@@ -120,7 +120,7 @@ def _gather_beside(data: Data, effects: Sequence[Placed], count: int) -> Informa
     return gather_information(replace(data.regression, model=model, columns=columns))
 
 
-class MovedShapes(NamedTuple):
+class _MovedShapes(NamedTuple):
     """Friction with shapes that are a little smaller and larger than those of the model.
 
     Attributes
@@ -136,13 +136,13 @@ class MovedShapes(NamedTuple):
     slopes: list[Array]
 
 
-def _move_shapes(rows: WeightedRows) -> MovedShapes | None:
+def _move_shapes(rows: WeightedRows) -> _MovedShapes | None:
     """Return friction of the fitted levels beside the shapes of the model, if it has any."""
     structure = rows.data.structure
     fitted = rows.estimator.fit(rows.unweighted).value.tolist()
     values = dict(zip(structure.base.names, fitted, strict=True))
     step = 0.01  # a hundredth changes the slope little
-    moved = MovedShapes(defaultdict(list), [])
+    moved = _MovedShapes(defaultdict(list), [])
     for (place, family), shape in _list_fitted_shapes(structure.shapes).items():
         levels = Placed([_at(place, family, shape)]).parameters(structure.robot)
         level = np.array([values.get(p.name, 0.0) for p in levels])
