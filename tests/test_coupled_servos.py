@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 import studies.drawn_hands as hands
 from identifiability import Robot, analyze, export, predict
+from identifiability.foundation.findings import of_key
 from identifiability.report.analysis import analysis_moving
 
 from .marks import everything
@@ -135,6 +136,9 @@ def test_torque_tells_the_delay_of_a_finger_that_is_not_rolled_out(tmp_path):
     assert predict(path, saved, frames[1]).error_ra < 0.06  # .64 without the delay
     export(path, saved, tmp_path / "fitted.xml", validate=frames[1])
     assert abs(Robot.load(tmp_path / "fitted.xml").servo.delay - 0.02) < 5e-4
+    later = [f.assign(**f[["j1.cmd", "j2.cmd"]].shift(4).bfill()) for f in frames]
+    assert of_key(analyze(path, *later, quick=True).hints, "early_commands")
+    assert not of_key(result.hints, "early_commands")
 
 
 def test_bodies_of_the_file_alone_determine_the_scale_of_gains_that_nobody_states(tmp_path):

@@ -20,6 +20,7 @@ from .registry import (
     find_family,
     forget,
     load_plugin,
+    name_place,
     register,
     title_of,
 )
@@ -45,6 +46,7 @@ __all__ = [
     "find_family",
     "forget",
     "load_plugin",
+    "name_place",
     "register",
     "title_of",
 ]

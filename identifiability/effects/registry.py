@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import cloudpickle
 
 from identifiability.foundation.errors import ModelError, listing, near_match
-from identifiability.foundation.names import Parameter, Strings, find_named
+from identifiability.foundation.names import BASE, OVER_BOTH, Parameter, Strings, find_named
 from identifiability.robot import Robot
 
 from .effect import Effect, Family, Law, joint_places
@@ -137,6 +137,13 @@ def title_of(name: str) -> str:
     if name in FAMILIES:
         return FAMILIES[name].title
     return name.replace("_", " ")
+
+
+def name_place(name: str, place: str) -> str:
+    """Return an effect and where it is; of the base its title says it."""
+    if place == BASE:
+        return title_of(name)
+    return f"{title_of(name)} in {place.replace(OVER_BOTH, '–')}"
 
 
 def default_effects(robot: Robot, names: Iterable[str]) -> Strings:

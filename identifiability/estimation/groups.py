@@ -16,7 +16,7 @@ from itertools import chain, pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
-from identifiability.effects import Family, title_of
+from identifiability.effects import Family, name_place
 from identifiability.effects.friction import REVERSALS, ReversalFriction
 from identifiability.foundation.linalg import (
     NEARLY,
@@ -25,7 +25,7 @@ from identifiability.foundation.linalg import (
     or_one,
     triangular_factor,
 )
-from identifiability.foundation.names import BASE, INERTIAL_KINDS, OVER_BOTH, Array, Strings
+from identifiability.foundation.names import INERTIAL_KINDS, OVER_BOTH, Array, Strings
 from identifiability.foundation.rounding import ENDS, join, state_probability
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -514,9 +514,7 @@ def place_of(term: Term) -> str:
 
 def describe_term(term: Term) -> str:
     """Return the title and place of a group, such as "Stribeck friction in joint_2"."""
-    title = title_of(term.group.family)  # of the base it says where
-    place = place_of(term).replace(OVER_BOTH, " with ")
-    return title if term.group.place == BASE else f"{title} in {place}"
+    return name_place(term.group.family, place_of(term))
 
 
 def shorten_places(effect: str) -> str:

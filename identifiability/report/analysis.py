@@ -125,6 +125,7 @@ def _positions(analysis: Analysis) -> Section | None:
     moved = analysis.moved
     if moved is None or not moved.follows:
         return None
+    # The robot file as it came errs too much to show the others beside it.
     return section_positions(replace(moved, runs=moved.runs[1:]))
 
 

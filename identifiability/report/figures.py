@@ -496,7 +496,7 @@ def draw_curve(
     low = along - REACH * spread[order]
     high = along + REACH * spread[order]
     known = np.nan_to_num(along, posinf=0.0, neginf=0.0)
-    if np.mean(np.diff(known) ** 2) > 0.5 * np.var(known):
+    if np.mean(np.diff(known) ** 2) > 0.05 * np.var(known):
         # Neighbours differ as any two do: of a delay speed alone says nothing.
         axes.plot(
             x[rows],

@@ -270,9 +270,11 @@ def scale_servos(servo: Servo, found: Rollouts) -> tuple[Rollouts, Servo, tuple[
     else:
         doubts = [min(error, abs(larger)) * (by_all - by_kv)]
     doubt = np.vstack([servo.doubt.reshape(-1, len(by_all)), *doubts])
+    servo = replace(servo, doubt=doubt[doubt.any(axis=1)])
+    if not divides and abs(larger) <= error:
+        return found, servo, ()
     said = Finding("gains_scale" if divides else "gains_or_bodies", source, factor=factor)
-    findings = (said,) * (divides or abs(larger) > error)
-    return found, replace(servo, doubt=doubt[doubt.any(axis=1)]), findings
+    return found, servo, (said,)
 
 
 def _calibrate(

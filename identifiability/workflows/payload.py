@@ -452,8 +452,8 @@ class KnownLoad:
     def check(self, empty: Sequence[LogLike], reach: float, *, turns: bool) -> None:
         """Refuse a load that is known in part; logs instead of a result need more of it.
 
-        The centre of a load that the robot cannot turn has no torque. None is many times farther
-        away than the robot reaches [m].
+        The centre of a load that the robot cannot turn has no torque. A centre much farther away
+        than the robot reaches [m] is in another unit.
 
         Raises
         ------
@@ -558,8 +558,9 @@ class Load(Result):
     def stated(self) -> tuple[Quantity, ...]:
         """The same, with both masses where the robot file contradicts the torque constants."""
         mass, *others = self.quantities
-        both = [replace(self.by_file[0], name=BY_FILE)] * self.scale.contradicts
-        return (mass, *both, *others)
+        if not self.scale.contradicts:
+            return (mass, *others)
+        return (mass, replace(self.by_file[0], name=BY_FILE), *others)
 
     @property
     def mass(self) -> Quantity:

@@ -55,7 +55,7 @@ def test_a_tendon_over_two_joints_is_named_over_both(named):
     logs = arm.logs(torque, Noise(additive=0.012, correlation=0.9, encoder=2e-5))
     d = find("two-link", logs)
     assert named(d) == [("spring_over_two", ("shoulder~elbow",))]
-    assert "Spring over two joints in shoulder with elbow, up to" in d.statement
+    assert "Spring over two joints in shoulder–elbow, up to" in d.statement
     assert d.held_after < 0.3 * d.held_before
     assert d.effects[0].placements[0].peak == pytest.approx(np.abs(torque).max(), rel=0.2)
 

@@ -13,21 +13,14 @@ import numpy as np
 import pandas as pd
 from scipy.special import expit, logit
 
-from identifiability.effects import find_family, title_of
+from identifiability.effects import find_family, name_place, title_of
 from identifiability.effects.base import GravityTilt, apply_tilt
 from identifiability.estimation.rules import RULES
 from identifiability.estimation.verdict import other_terms
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import (
-    BASE,
-    OVER_BOTH,
-    Array,
-    NumberByName,
-    Strings,
-    name_each,
-)
+from identifiability.foundation.names import OVER_BOTH, Array, NumberByName, Strings, name_each
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
@@ -146,8 +139,9 @@ class DiagnosisPresenter(PredictingPresenter):
         if d.included:
             line = with_model(partial("{} --ladder {} --report report.html".format, judge))
             used = d.effects[: d.included]
-            names = [name_place(e.name, name_places(e)) for e in used[: len(used) == 1]]
-            names = names or [f"the {len(used)} named effects"]
+            names = [f"the {len(used)} named effects"]
+            if len(used) == 1:
+                names = [name_place(used[0].name, name_places(used[0]))]
             file = Path(d.written("model") or "").name
             out.append(command("judge_written" if file else "judge", line, names=names, file=file))
         if undecided:
@@ -401,13 +395,6 @@ def _state_effect(d: Diagnosis, e: NamedEffect) -> str:
     named = [f"{first}{_state_size(d, e)}", *filter(None, [" or ".join(others)])]
     each = zip_longest(named, sure)
     return " or ".join(f"{name} ({odds})" if odds else name for name, odds in each)
-
-
-def name_place(name: str, place: str) -> str:
-    """Return an effect and where it is; of the base its title says it."""
-    if place == BASE:
-        return title_of(name)
-    return f"{title_of(name)} in {place.replace(OVER_BOTH, ' with ')}"
 
 
 def name_places(e: NamedEffect) -> str:

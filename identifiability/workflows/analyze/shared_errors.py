@@ -1,7 +1,7 @@
 """`SharedErrors`: changes of the values by errors that all samples of a log share."""
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -87,37 +87,26 @@ def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
 
 
 def _shift_shapes(rows: WeightedRows) -> tuple[Information, ...]:
-    """Return the information with torque less that of errors of the shapes of friction.
+    """Return the information with the shapes of friction changed by each of their errors.
 
-    Each error is one standard error along an axis of the joint covariance of all shapes. The slopes
-    of torque over their logarithms are further columns of the fit that gives it.
+    The errors are one standard error long and lie along the axes of the joint covariance of all
+    shapes. That comes from a fit with the slope of torque over each shape as a further column.
     """
     structure = rows.data.structure
     moved = _move_shapes(rows)
     if not moved:
         return ()
-    effects = [Placed(parts) for parts in moved.parts.values()]
-    slopes = block_diag(*(slope[:, None] for slope in moved.slopes))
     names = structure.base.names
     count = len(names)
-    wide = _gather_beside(rows.data, effects, len(slopes))
-    own = np.eye(wide.size, count)
-    along = np.pad(slopes, ((count, 0), (0, 0)))
-    every = [*names, *map(str, range(along.shape[1]))]
-    covariance = rows.estimator.fit(wide.reduce(np.hstack([own, along]), every)).covariance
-    sizes, axes = np.linalg.eigh(covariance[count:, count:])
-    errors = along @ axes * np.sqrt(np.maximum(sizes, 0.0))
-    shifted = (wide.reduce(own, names, error) for error in errors.T)
+    wide = _gather_beside(rows.data, moved)
+    of_model = np.eye(wide.size, count)
+    of_shapes = block_diag(np.zeros((count, 0)), *moved.slopes)
+    both = wide.reduce(np.hstack([of_model, of_shapes]), [*names, *moved.names])
+    covariance = rows.estimator.fit(both).covariance[count:, count:]
+    squares, axes = np.linalg.eigh(covariance)
+    errors = of_shapes @ axes * np.sqrt(np.maximum(squares, 0.0))
+    shifted = (wide.reduce(of_model, names, error) for error in errors.T)
     return tuple(with_known(one, structure.known) for one in shifted)
-
-
-def _gather_beside(data: Data, effects: Sequence[Placed], count: int) -> Information:
-    """Return the information about the model's columns and a count of columns of more effects."""
-    structure = data.structure
-    first = len(structure.parameters)
-    columns = np.array([*structure.base.kept, *range(first, first + count)])
-    model = Model((*structure.model.effects, *effects))
-    return gather_information(replace(data.regression, model=model, columns=columns))
 
 
 class _MovedShapes(NamedTuple):
@@ -127,13 +116,26 @@ class _MovedShapes(NamedTuple):
     ----------
     parts : mapping of str to list of Part
         By family; two of each shape.
-    slopes : list of (2 k,)
+    names : list of str
+        Of the shapes.
+    slopes : list of (2 k, 1)
         Derivative of the torque with respect to the logarithm of each shape, as levels of the
         columns of its two parts.
     """
 
     parts: defaultdict[str, list[Part]]
+    names: list[str]
     slopes: list[Array]
+
+
+def _gather_beside(data: Data, moved: _MovedShapes) -> Information:
+    """Return the information about the model's columns and those of moved shapes."""
+    structure = data.structure
+    first = len(structure.parameters)
+    last = first + sum(map(len, moved.slopes))
+    columns = np.array([*structure.base.kept, *range(first, last)])
+    model = Model((*structure.model.effects, *map(Placed, moved.parts.values())))
+    return gather_information(replace(data.regression, model=model, columns=columns))
 
 
 def _move_shapes(rows: WeightedRows) -> _MovedShapes | None:
@@ -142,33 +144,37 @@ def _move_shapes(rows: WeightedRows) -> _MovedShapes | None:
     fitted = rows.estimator.fit(rows.unweighted).value.tolist()
     values = dict(zip(structure.base.names, fitted, strict=True))
     step = 0.01  # a hundredth changes the slope little
-    moved = _MovedShapes(defaultdict(list), [])
-    for (place, family), shape in _list_fitted_shapes(structure.shapes).items():
-        levels = Placed([_at(place, family, shape)]).parameters(structure.robot)
+    moved = _MovedShapes(defaultdict(list), [], [])
+    shapes = _list_fitted_shapes(structure.shapes)
+    for family, place in sorted(shapes):  # columns follow each other by family
+        shape = shapes[family, place]
+        levels = Placed([_friction_at(place, family, shape)]).parameters(structure.robot)
         level = np.array([values.get(p.name, 0.0) for p in levels])
         if not level.any():
             continue
-        for one in np.eye(len(shape)):
-            moved.parts[family] += [_at(place, family, shape * (1 - step * one))]
-            moved.parts[family] += [_at(place, family, shape * (1 + step * one))]
-            moved.slopes.append(np.concatenate([-level, level]) / (2 * step))
+        for number, one in enumerate(np.eye(len(shape))):
+            ends = shape * (1 - step * one), shape * (1 + step * one)
+            moved.parts[family] += [_friction_at(place, family, end) for end in ends]
+            moved.names.append(f"{place}.{family}{number}")
+            slope = np.concatenate([-level, level]) / (2 * step)
+            moved.slopes.append(slope[:, None])
     return moved if moved.slopes else None
 
 
-def _at(place: str, family: str, shape: Array) -> Part:
+def _friction_at(place: str, family: str, shape: Array) -> Part:
     """Return friction at a joint with a shape, and its exponent if there is one."""
     first, *powers = shape.tolist()
     return Part(find_family(family).at((first, *powers) if powers else first, place), place)
 
 
 def _list_fitted_shapes(shapes: NumberByName) -> dict[tuple[str, str], Array]:
-    """Return the shapes of friction with their exponents, by joint and family."""
+    """Return the shapes of friction with their exponents, by family and joint."""
     out = {}
     for name, shape in shapes.items():
         place, _, family = name.rpartition(".")
         if not name.endswith(EXPONENT) and find_family(family).continuous:
-            powers = [x for x in [shapes.get(f"{name}{EXPONENT}")] if x is not None]
-            out[place, family] = np.array([shape, *powers])
+            numbers = shape, shapes.get(f"{name}{EXPONENT}")
+            out[family, place] = np.array([x for x in numbers if x is not None])
     return out
 
 
