@@ -23,8 +23,11 @@ from .registry import FAMILIES
 # of an actuator, a torque offset, so that its dry friction may differ between the directions.
 
 
-#: The formats of robot files.
-Kind = Literal["mjcf", "urdf"]
+#: The formats of robot files, and the actuators of Isaac Lab with the bodies of a robot file.
+Kind = Literal["mjcf", "urdf", "isaaclab"]
+
+#: Effects of the measurement of a log, which no robot has.
+MISREADS = ("torque_scale", "time_delay", "clock_error", "encoder_bias")
 
 
 def file_kinds(robot: Robot) -> tuple[Kind, Kind]:
@@ -37,12 +40,13 @@ def file_kinds(robot: Robot) -> tuple[Kind, Kind]:
 def joint_numbers(kind: Kind) -> Strings:
     """Return the attributes that a file format can state of a joint with one degree of freedom."""
     every = ("damping", "frictionloss", "armature", "stiffness")
-    return every if kind == "mjcf" else every[:2]
+    counts = {"mjcf": 4, "urdf": 2, "isaaclab": 3}
+    return every[: counts[kind]]
 
 
 def biased_places(robot: Robot, kind: Kind) -> Strings:
     """Return the joints or actuators with a torque offset in a file format."""
-    if kind == "urdf":
+    if kind != "mjcf":
         return ()
     if robot.mjcf:
         return tuple(robot.offsets)
@@ -92,6 +96,14 @@ def values_in_file(
         mean = 0.5 * sum(values[name] for name in ways)
         out |= {name: values[name] if joint in held else mean for name in ways}
     return out
+
+
+def values_not_in_file(robot: Robot, values: NumberByName, kind: Kind) -> dict[str, float]:
+    """Return the parts of values that a file of a format cannot hold, without faults of sensors."""
+    held = values_in_file(robot, values, kind)
+    faults = {p.name for family in MISREADS for p in FAMILIES[family].effect.parameters(robot)}
+    lost = {n: x - held[n] for n, x in values.items() if n not in faults}
+    return {n: x for n, x in lost.items() if x}
 
 
 def file_values(robot: Robot, values: NumberByName) -> list[dict[str, float]]:
@@ -207,10 +219,15 @@ def complete_values(robot: Robot, given: NumberByName, *, keep: bool) -> dict[st
     return values
 
 
-def stated_numbers(robot: Robot, values: NumberByName) -> dict[str, dict[str, float]]:
-    """Return the numbers that a file states of each joint and each tendon axis, by attribute."""
+def stated_numbers(
+    robot: Robot, values: NumberByName, kind: Kind | None = None
+) -> dict[str, dict[str, float]]:
+    """Return the numbers that a file states of each joint and each tendon axis, by attribute.
+
+    The format is by default that of the robot's own file.
+    """
     every = (*robot.tree.single, *robot.tendon_axes)
-    kind = file_kinds(robot)[0]
+    kind = kind or file_kinds(robot)[0]
     out = {joint: dict.fromkeys(joint_numbers(kind), 0.0) for joint in every}
     for place in set(out) & set(biased_places(robot, kind)):
         out[place]["offset"] = 0.0

@@ -7,14 +7,20 @@ Bodies are those of the robot file; a body without values in the file is replace
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from scipy.special import chdtrc
 
 from identifiability.effects.base import apply_tilt
 from identifiability.effects.registry import is_loaded
-from identifiability.effects.vocabulary import complete_values, file_kinds, file_values
+from identifiability.effects.vocabulary import (
+    Kind,
+    complete_values,
+    file_kinds,
+    file_values,
+    values_not_in_file,
+)
 from identifiability.estimation.estimate import find_estimator, with_known
 from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.prediction import predict
@@ -27,7 +33,7 @@ from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import Json, frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Regression
+from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
@@ -525,7 +531,46 @@ def real_robot_dict(
         "shapes": dict(structure.shapes) if parameters else {},
         "reference": dict(robot.reference) if is_loaded(structure.parameters) else {},
         "parameters": unobserved | dict(parameters) if parameters else {},
+        "lost": _find_lost_peaks(structure, samples, parameters),
     }
+
+
+def _find_lost_peaks(
+    structure: Structure, samples: Sequence[Dataset], values: NumberByName
+) -> Json:
+    """Return the largest torque that each file format cannot hold, and its joint; else nothing.
+
+    Parameters
+    ----------
+    structure : Structure
+    samples : sequence of Dataset
+        The fitted logs: the torque is that of their motion [N·m or N].
+    values : mapping
+        Standard parameters by name.
+    """
+    robot, rest = apply_tilt(structure.robot, values)
+    effects = [(e, {p.name for p in e.parameters(robot)}) for e in structure.model.effects]
+    peaks: Json = {}
+    for kind in get_args(Kind) if samples else ():
+        lost = values_not_in_file(robot, rest, kind)
+        having = [effect for effect, names in effects if names & {*lost}]
+        regression = Regression(robot, Model(tuple(having)), tuple(samples))
+        peaks[kind] = _find_peak(regression, lost) if having else None
+    return peaks
+
+
+def _find_peak(regression: Regression, values: NumberByName) -> Json:
+    """Return the largest torque that some parameters have along logs, and its joint."""
+    names = [p.name for p in regression.model.parameters(regression.robot)]
+    phi = np.zeros((len(names), 1))
+    for name, value in values.items():
+        if name in names:
+            phi[names.index(name)] = value
+    found = predict(regression, phi)
+    robot = regression.robot
+    peaks = np.abs(found.predicted[:, :, 0] * found.data).max(axis=0, initial=0.0)
+    most = int(np.argmax(peaks))
+    return {"joint": robot.joints[most % len(robot.joints)], "torque": float(peaks[most])}
 
 
 def _measure_errors(

@@ -729,6 +729,13 @@ class GravityEntry(Entry):
     direction: tuple[float, float, float]
 
 
+class PeakEntry(Entry):
+    """The largest torque that a file cannot hold [N·m or N], and its joint."""
+
+    joint: str
+    torque: float
+
+
 class RealEntry(Entry):
     """The nearest physically consistent robot, and its errors."""
 
@@ -741,6 +748,7 @@ class RealEntry(Entry):
     error_ra_given_files: Errors = {}
     error_ra_validation_files: Errors = {}
     error_ra_validation_given_files: Errors = {}
+    lost: dict[str, PeakEntry | None] = {}
     cad_prior: float = 0.0
     certificate: str = ""
     reason: str = ""

@@ -56,6 +56,8 @@ def test_a_file_that_errs_more_on_the_fitted_logs_is_refused(runs, tmp_path, rej
     content["physical"]["parameters"]["elbow.Fs"] = 1.0
     content["parameters"].append({"name": "elbow.Fs", "torque_share": 0.5})
     path.write_text(json.dumps(content), "utf-8")
-    why = r"On the fitted logs refused\.xml alone errs by .* is Stribeck friction \(elbow\.Fs\)"
+    why = (
+        r"On the fitted logs refused\.xml alone errs .* cannot hold Stribeck friction \(elbow\.Fs\)"
+    )
     with rejected(why):
         export(robot, path, tmp_path / "refused.xml")

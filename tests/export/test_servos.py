@@ -111,6 +111,8 @@ def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made, rejected):
     done = export(robot, path, path.with_name("servos.py"), "isaaclab")
     text = done.robot.read_text()
     assert f"# {done.joints[0]}" in text
+    lacking = r"cannot hold torque offset \(.*\), up to 0.929 N·m in shoulder"
+    assert all(re.search(lacking, said) for said in (text, done.statement))
     (call,) = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Call)
                and getattr(n.func, "id", "") == "DelayedPDActuatorCfg"]  # fmt: skip
     told = {k.arg: k.value for k in call.keywords}

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from identifiability.effects import FAMILIES
-from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
-from identifiability.workflows.export.workflow import MISREADS
 
 from .common import sentence
 
@@ -28,10 +25,8 @@ class ExportedPresenter(Presenter):
         parts = list[str]()
         alone = result.error_ra_file
         name = result.robot.name
-        if result.beside:
-            misread = {*result.beside} <= {FAMILIES[family].title for family in MISREADS}
-            parts.append(_state_beside(result, misread=misread))
-            alone = result.error_ra if misread else alone
+        if result.lacking:
+            parts.append(result.lacking)
         if result.snippet is not None:
             snippet = result.snippet.name
             parts.append(sentence(about, "snippet", snippet=snippet, added=result.added))
@@ -40,15 +35,6 @@ class ExportedPresenter(Presenter):
         if result.unseen is not None:
             parts.append(result.unseen.told)
         return " ".join([*parts, *result.notes])
-
-
-def _state_beside(result: Exported, *, misread: bool) -> str:
-    """Return the effects that the robot file cannot hold, or leaves to the sensor."""
-    effects = [f"{effect} ({listing(n, 4)})" for effect, n in result.beside.items()]
-    if misread:
-        return sentence("export.files", "misread", file=result.robot.name, effects=effects)
-    part = "lacks_one" if len(result.beside) == 1 else "lacks"
-    return sentence("export.files", part, file=result.robot.name, effects=effects)
 
 
 class UnseenPresenter(Presenter):

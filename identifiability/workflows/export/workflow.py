@@ -28,16 +28,18 @@ from identifiability.effects.vocabulary import (
     read_back,
     stated_numbers,
     values_in_file,
+    values_not_in_file,
 )
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.prediction import predict as predict_torque
 from identifiability.foundation.documents import toml_text
-from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
+from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
 from identifiability.foundation.findings import of_key, phrase
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import (
     GROUPED_KINDS,
     INERTIAL_KINDS,
+    Array,
     ArrayByName,
     NumberByName,
     Strings,
@@ -45,7 +47,7 @@ from identifiability.foundation.names import (
 from identifiability.foundation.options import Expected, ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
 from identifiability.foundation.presenter import presented
-from identifiability.foundation.quoting import for_patch, for_python
+from identifiability.foundation.quoting import for_patch, for_python, for_terminal
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
@@ -59,7 +61,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.elastic import Spring
 from identifiability.robot.locate import SMALLEST
-from identifiability.robot.servo import state_delay
+from identifiability.robot.servo import Servo, state_delay
 from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
 from identifiability.simulation import MujocoRobot, PrescribedMotion
@@ -270,10 +272,6 @@ ENDINGS: dict[Format, str] = {
 }
 
 
-#: Effects of the measurement of a log, which no robot has.
-MISREADS = ("torque_scale", "time_delay", "clock_error", "encoder_bias")
-
-
 @frozen(kw_only=True)
 class Exported:
     """Result of an export.
@@ -283,7 +281,7 @@ class Exported:
     robot : Path
     sidecar : Path or None
     beside : mapping
-        Values that the sidecar holds because the robot file cannot: parameters by effect.
+        Values that the file cannot hold: parameters by effect. A sidecar has them.
     error_ra, error_ra_file : float or None
         ε_RA on the fitted logs, with all fitted values and with those that the robot file alone
         holds; None where the torque does not vary.
@@ -298,6 +296,8 @@ class Exported:
         Torque that the file cannot hold, as a function for MuJoCo.
     added : tuple of str
         Effects that are in it.
+    lacking : str
+        The effects that the file cannot hold, their largest torque, and the remedy.
     joints : tuple of str
         A line for each joint: armature, damping and friction, and which of them the logs determine.
     """
@@ -313,6 +313,7 @@ class Exported:
     snippet: Path | None = None
     added: Strings = ()
     joints: Strings = ()
+    lacking: str = ""
 
     @property
     @presented
@@ -378,18 +379,20 @@ def export(
     said = note_change(result, content.robot, own)
     if wanted == "isaaclab":
         written = Written(write_isaaclab(robot, given, content, out))
-        found = _describe(robot, content, given, written)
+        found = _describe(robot, content, given, written, wanted)
         return replace(found, notes=(*said, *found.notes))
     bent = wanted == "mjcf" and bool(content.bending.parameters)
     if bent:
         robot, given = with_springs(robot, content.bending)
     # Errors of the result are those of rigid joints.
     rises = () if bent else _state_rises(own, content, wanted, out.name)
-    lost = _state_lost(robot, content, given, wanted, out.name)
+    lacking = _state_lacking(robot, content, given, wanted, out.name)
+    in_any = lacking and values_not_in_file(robot, given, "mjcf")
+    lost = " ".join([lacking, phrase("exported", "lost_in_any")] if in_any else [lacking])
     if rises and not force:
         why = " ".join(filter(None, (*rises, lost)))
         raise IdentifiabilityError(phrase("exported", "errs_more", rises=why))
-    write = _prepare_writing(robot, content, given)
+    write = _prepare_writing(robot, content, given, lacking)
     unseen = None
     if list_logs(validate):
         with temporary_folder() as folder:
@@ -454,31 +457,47 @@ def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> S
     return tuple(said)
 
 
-def _state_lost(
+def _state_lacking(
     robot: Robot, content: ResultEntry, given: NumberByName, kind: Kind, name: str
 ) -> str:
-    """Return the parameter of the largest torque that a file cannot hold, and the next step.
-
-    Nothing where the file holds all of them: then its bodies differ from those of the logs.
+    """Return the effects that a file cannot hold, their largest torque, and the remedy.
 
     Parameters
     ----------
     robot, content
     given : mapping
         Standard parameters that are to be written.
-    kind : {"mjcf", "urdf"}
+    kind : {"mjcf", "urdf", "isaaclab"}
     name : str
         Of the file.
     """
-    held = values_in_file(robot, given, kind)
-    shares = {row["name"]: row.get("torque_share") or 0.0 for row in content.parameters}
-    lost = [n for n in shares if given.get(n) and not held[n]]
+    lacking = _list_lacking(robot, content, given, kind)
+    effects = [f"{effect} ({listing(names, 4)})" for effect, names in lacking.items()]
+    lost = values_not_in_file(robot, given, kind)
     if not lost:
-        return ""
-    most = max(lost, key=shares.__getitem__)
-    part = "lost_in_urdf" if values_in_file(robot, given, "mjcf")[most] else "lost_in_any"
-    (effect,) = by_effect(robot, [most], content.physical.shapes)
-    return phrase("exported", part, file=name, effect=effect, name=most)
+        return phrase("exported", "misread", file=name, effects=effects) if effects else ""
+    most = content.physical.lost.get(kind)
+    units = dict(zip(robot.joints, robot.torque_units, strict=True))
+    peak = phrase("exported", "peak", **vars(most), unit=units[most.joint]) if most else ""
+    where = "in_function" if kind == "isaaclab" else "in_sidecar"
+    said = [phrase("exported", where, file=name, effects=effects, peak=peak)]
+    if kind == "urdf" and not values_not_in_file(robot, lost, "mjcf"):
+        said.append(phrase("exported", "in_mjcf", effects=effects))
+    return " ".join(said)
+
+
+def _list_lacking(
+    robot: Robot, content: ResultEntry, given: NumberByName, kind: Kind
+) -> dict[str, Strings]:
+    """Return the parameters that a file cannot hold, by effect, the largest torque first.
+
+    Faults of sensors are among them.
+    """
+    held = values_in_file(robot, given, kind)
+    lacking = [name for name, value in given.items() if value != held[name]]
+    shares = {row["name"]: row.get("torque_share") or 0.0 for row in content.parameters}
+    lacking.sort(key=lambda name: -shares.get(name, 0.0))
+    return by_effect(robot, lacking, content.physical.shapes)
 
 
 def _has_servos(robot: Robot, content: ResultEntry) -> bool:
@@ -488,7 +507,7 @@ def _has_servos(robot: Robot, content: ResultEntry) -> bool:
 
 
 def _prepare_writing(
-    robot: Robot, content: ResultEntry, given: NumberByName
+    robot: Robot, content: ResultEntry, given: NumberByName, lacking: str
 ) -> Callable[[Path], Written]:
     """Return the function that writes a robot file with the values of a result."""
     shapes = content.physical.shapes
@@ -497,7 +516,7 @@ def _prepare_writing(
     # Values from measured torque do not depend on servos of the file, which are kept.
     moved = robot if _has_servos(robot, content) else replace(robot, servo=None)
     reference = reference_values(robot) if loaded else {}
-    head = [state_servos(robot, content)]
+    head = [state_servos(robot, content), lacking]
     lines = _describe_joints(robot, content, given)
     if lines:
         head.append(phrase("exported", "joints"))
@@ -514,7 +533,7 @@ def _describe(
     content: ResultEntry,
     given: NumberByName,
     written: Written,
-    kind: Kind | None = None,
+    kind: Kind,
     unseen: Unseen | PositionPrediction | None = None,
 ) -> Exported:
     """Return the export without a function for MuJoCo.
@@ -525,28 +544,27 @@ def _describe(
     given : mapping
         Standard parameters that were written.
     written : Written
-    kind : {"mjcf", "urdf"}, optional
-        Format of a robot file.
+    kind : {"mjcf", "urdf", "isaaclab"}
     unseen : Unseen or PositionPrediction, optional
     """
     physical = content.physical
-    known = every_parameter(robot, content.physical.shapes)
-    # A level of one direction, where no effect has it, is part of that of both.
-    beside = [n for n in written.beside if n in known or n[:-1] not in written.beside]
-    written_beside = by_effect(robot, beside, physical.shapes)
-    error_file = None if kind is None else physical.error_ra_files.get(kind)
+    lacking = _list_lacking(robot, content, given, kind)
+    error_file = physical.error_ra_files.get(kind)
+    if lacking and not values_not_in_file(robot, given, kind):
+        error_file = physical.error_ra
     mass = state_mass(robot, given, physical.cad_prior)
     notes = _state_notes(robot, content, kind, written.robot.name, said=unseen is not None)
     return Exported(
         robot=written.robot,
         sidecar=written.sidecar,
-        beside=written_beside,
+        beside=lacking,
         error_ra=physical.error_ra,
         error_ra_file=error_file,
         unseen=unseen,
         mass=mass,
         notes=tuple(notes),
         joints=_describe_joints(robot, content, given),
+        lacking=_state_lacking(robot, content, given, kind, written.robot.name),
     )
 
 
@@ -610,7 +628,7 @@ def _as_stated(robot: Robot, given: NumberByName) -> dict[str, float]:
 
 
 def _state_notes(
-    robot: Robot, content: ResultEntry, kind: Kind | None, name: str, *, said: bool
+    robot: Robot, content: ResultEntry, kind: Kind, name: str, *, said: bool
 ) -> Iterator[str]:
     """Yield the notes on a file that was written, with its error unless that is stated."""
     moved = content.rollout
@@ -627,12 +645,12 @@ def _state_notes(
         yield phrase("exported", which, late=1e3 * (robot.servo.delay or 0.0))
     if robot.tilt is not None:
         yield phrase("exported", "tilt", file=name, tilt=robot.tilt.text)
-    if kind is not None and robot.known_torque:
+    if kind != "isaaclab" and robot.known_torque:
         known = "; ".join(k.text for k in robot.known_torque)
         yield phrase("exported", "known", file=name, known=known)
-    if kind is not None and content.bending.joints:
+    if kind != "isaaclab" and content.bending.joints:
         yield _note_springs(content.bending, kind, name)
-    if kind not in (None, file_kinds(robot)[0]):
+    if kind not in ("isaaclab", file_kinds(robot)[0]):
         yield phrase("exported", "format", file=name)
     if content.warnings:
         yield phrase("exported", "warned", warnings=content.warnings)
@@ -843,33 +861,45 @@ def write_isaaclab(robot: Robot, given: NumberByName, content: ResultEntry, out:
     if servo is None or servo.unknown.any():
         raise RobotError(phrase("exported", "gainless", path=robot.path))
     delay = servo.delay if content.rollout is None else content.rollout.delay
-    limits = np.minimum(-servo.low, servo.high)
-    # In a table that names some joints only, Isaac Lab takes zero for the others; 1e9 is its
-    # own number for no limit.
-    unlimited = 1e9
-    known = np.minimum(limits, unlimited)
-    limits = known if np.isfinite(limits).any() else np.full_like(limits, np.nan)
-    columns = {"stiffness": servo.kp, "damping": servo.kv, "effort_limit": limits}
-    kinds = {"armature": robot.inertia_parts[0], "friction": "Fc", "viscous_friction": "Fv"}
-    for word, kind in (kinds | {"dynamic_friction": "Fc"}).items():
-        columns[word] = np.array([given.get(f"{j}.{kind}", 0.0) for j in robot.joints])
+    columns = {"stiffness": servo.kp, "damping": servo.kv, "effort_limit": _limit_effort(servo)}
+    numbers = {
+        "armature": "armature",
+        "friction": "frictionloss",
+        "viscous_friction": "damping",
+        "dynamic_friction": "frictionloss",
+    }
+    stated = stated_numbers(robot, complete_values(robot, given, keep=False), "isaaclab")
+    for word, number in numbers.items():
+        columns[word] = np.array([stated[joint][number] for joint in robot.joints])
     names = [re.escape(joint) for joint in robot.joints]  # Isaac Lab reads them as patterns
     title = for_python(robot.title or robot.name)
+    lacking = _state_lacking(robot, content, given, "isaaclab", out.name)
     late = max(delay or 0.0, 0.0)
     rows = "\n".join(_actuator_rows(names, columns))
     text = ACTUATORS.format(
         title=title,
         delay=late,
         joints=for_python(names),
-        joint_lines=_comment_joints(_describe_joints(robot, content, given)),
+        joint_lines=_comment_joints(_describe_joints(robot, content, given), lacking),
         rows=rows,
     )
     return write_text(out, text)
 
 
-def _comment_joints(lines: Sequence[str]) -> str:
-    """Return the lines of joints as a comment with a heading; empty without lines."""
+def _limit_effort(servo: Servo) -> Array:
+    """Return the limits of torque for Isaac Lab; NaN where no joint has any [N·m or N]."""
+    limits = np.minimum(-servo.low, servo.high)
+    # In a table that names some joints only, Isaac Lab takes zero for the others; 1e9 is its
+    # own number for no limit.
+    unlimited = 1e9
+    known = np.minimum(limits, unlimited)
+    return known if np.isfinite(limits).any() else np.full_like(limits, np.nan)
+
+
+def _comment_joints(lines: Sequence[str], lacking: str) -> str:
+    """Return the lines of joints with a heading, and the effects that are lacking, as a comment."""
     head = [phrase("exported", "joints"), *lines] if lines else []
+    head += list(filter(None, [for_terminal(lacking)]))
     return "".join(f"# {line}\n" for line in head)
 
 
