@@ -1282,11 +1282,6 @@ class PositionPrediction(Result):
         }
 
     @presented
-    def warn(self, answer: Answer) -> Answer:
-        """Return an answer that first warns if the named effects make the motion worse."""
-        raise NotImplementedError
-
-    @presented
     def lead(self, answer: Answer) -> Answer:
         """Return an answer that begins with what the fitted robot is good for, if it moves well."""
         raise NotImplementedError
