@@ -51,14 +51,11 @@ class SearchEnd(NamedTuple):
         Positions along the logs.
     J : (r, p)
         Weighted derivative of the residual.
-    promised : float
-        Weighted squares by which a further step promises to gain.
     """
 
     x: Array
     q: list[Array]
     J: Array
-    promised: float
 
 
 def descend(
@@ -121,7 +118,7 @@ def descend(
             x = moved
             q = rolled
             since += gained
-    return SearchEnd(x, q, weights[:, None] * J, promised)
+    return SearchEnd(x, q, weights[:, None] * J)
 
 
 def _take_step(

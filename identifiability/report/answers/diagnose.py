@@ -519,9 +519,9 @@ def _state_looks(d: Diagnosis) -> str:
 # Other findings.
 
 
-def _write_note(name: str, text: str, level: Any = "note") -> Note:
+def _write_note(name: str, text: str) -> Note:
     """Return a caveat under its title."""
-    return Note(level, sentence("diagnosis.notes", name), text)
+    return Note("note", sentence("diagnosis.notes", name), text)
 
 
 def _list_doubts(d: Diagnosis) -> Iterator[Note]:
