@@ -329,7 +329,7 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     errors, and most missing effects. What is missing in all stretches alike makes rows of a window
     tell the same. Prior knowledge is added.
     """
-    x, q, J, _ = end
+    x, q, J = end
     count = len(problem.trees) * problem.rows()[-1]
     J = np.vstack([correct_scale(problem, end, J[:count]), J[count:]])
     J[:count] *= np.sqrt(np.tile(problem.independent_share(q), problem.rows()[-1]))[:, None]

@@ -202,7 +202,7 @@ def _screen(
     gains_alone: bool,
 ) -> Screening:
     """Return how much each number that is not varied would explain, to first order."""
-    x, q, J, _ = end
+    x, q, J = end
     weights = problem.weights(q)
     basis = np.linalg.qr(J[:, problem.varied])[0]
     residual = _without(basis, weights * problem.residual(q, x))
