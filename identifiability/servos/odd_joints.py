@@ -231,7 +231,7 @@ def weigh_delays(found: Rollouts) -> Array:
     It times the delays [s] and a one has the length of the weighted errors, to first order. Other
     numbers replace what they can.
     """
-    problem, (x, q, J, _) = found.search
+    problem, (x, q, J) = found.search
     weights = problem.weights(q)
     late = weights[:, None] * problem.delay_each(x)
     basis = np.linalg.qr(J[:, problem.varied])[0]
