@@ -140,12 +140,6 @@ class Finding(str):
         return "told" in sentences()[self.key]
 
     @property
-    def remedy(self) -> str:
-        """Return the remedy; empty if its sentence contains it."""
-        sentence = sentences()[self.key].get("do", "")
-        return str(sentence).strip()
-
-    @property
     def done(self) -> str:
         """Return the action as a participle; empty if there was none."""
         return str(sentences()[self.key].get("done", ""))

@@ -113,8 +113,8 @@ class Naming:
     Attributes
     ----------
     problem : Problem
-    fitted, unseen : ResidualRows
-        Errors are stated on the unseen rows. Without any, they are the fitted rows.
+    fitted : ResidualRows
+        The rows that are searched.
     refusals : tuple of Refusal
     search : Search
         For all that may be missing.
@@ -134,7 +134,6 @@ class Naming:
 
     problem: Problem
     fitted: ResidualRows
-    unseen: ResidualRows
     refusals: tuple[Refusal, ...]
     search: Search
     missing: Missing
@@ -360,14 +359,15 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
         Families that may be named; all by default.
     """
     s = problem.structure
-    fitted, unseen = _rows_of(problem, s, problem.known)
+    rows = _rows_of(problem, s, problem.known)
+    fitted = rows[0]
     asked = {f.name: f for f in find_families(effects, commanded=problem.commanded)}
     every = {f.name: f for f in find_families(None, commanded=problem.commanded)} | asked
     motions = [x.motion for x in fitted.samples]
     families = tuple(every.values())
     listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=problem.fixed)
     found = {t.key: t for t in problem.found if t.group.family in asked}
-    known, rows = problem.known, (fitted, unseen)
+    known = problem.known
     if found:
         texts = (f"{family}@{place}" for family, place in found)
         started = Structure.of(s.robot, Model.of(*s.model.texts, *texts))
@@ -376,13 +376,12 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     others = [c for c in listed if c.group not in found]
     candidates = with_reversals(s.robot, others, s.present)
     missing = Missing(candidates, rows[0].seen, known.root, families=frozenset(asked))
-    search = Search(missing, None if unseen is fitted else rows[1].seen)
+    search = Search(missing, rows[1].seen if rows[1:] else None)
     before = tuple(search.model.gains())
     refusals = tuple(r for r in refused if r.family in asked)
     looked = Naming(
         problem=problem,
         fitted=fitted,
-        unseen=unseen,
         refusals=refusals,
         search=search,
         missing=missing,
@@ -393,13 +392,10 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     return with_parts(looked, parts)
 
 
-def _rows_of(
-    problem: Problem, structure: Structure, known: KnownValues
-) -> tuple[ResidualRows, ResidualRows]:
-    """Return fitted and unseen rows of the search under a model; the same without unseen ones."""
+def _rows_of(problem: Problem, structure: Structure, known: KnownValues) -> list[ResidualRows]:
+    """Return the fitted rows of the search under a model, and the unseen rows if there are any."""
     excerpts = problem.excerpt or problem.samples, problem.unseen_excerpt or problem.validation
-    rows = [ResidualRows.of(problem.regression(structure, x), known) for x in excerpts if x]
-    return rows[0], rows[-1]
+    return [ResidualRows.of(problem.regression(structure, x), known) for x in excerpts if x]
 
 
 def _write_found(candidate: Candidate, term: Term) -> Part:
