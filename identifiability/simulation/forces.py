@@ -250,8 +250,9 @@ HIDDEN: dict[str, Law] = {
     "position_torque": _cable,
 }
 
-#: Effects that are hidden at passive joints.
+#: Effects that are hidden at passive joints, and at a pair of joints.
 HIDDEN_PASSIVE = "passive_joint_friction"
+HIDDEN_PAIR = "spring_over_two"
 
 #: Effects of records and of the whole robot; a thermal drift is in no dictionary.
 HIDDEN_WHOLE = (
@@ -295,7 +296,7 @@ class Hidden:
 
 def hideable(laws: Iterable[str] = ()) -> list[str]:
     """Return the names of effects that can be hidden, those of further laws among them."""
-    return [*HIDDEN, HIDDEN_PASSIVE, *HIDDEN_WHOLE, *laws]
+    return [*HIDDEN, HIDDEN_PAIR, HIDDEN_PASSIVE, *HIDDEN_WHOLE, *laws]
 
 
 def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
@@ -352,6 +353,8 @@ def hidden_torque(
     IdentifiabilityError
         If the effect or the joint is not in this robot.
     """
+    if hidden.name == HIDDEN_PAIR:
+        return _over_two(robot, move, tau, hidden)
     if hidden.name == HIDDEN_PASSIVE:
         return _passive(robot, rigid, tau, hidden)
     if hidden.name in ("gravity_tilt", "payload"):
@@ -402,6 +405,28 @@ def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
     time_constant = 0.5 * np.ptp(move.t) or 1.0
     drift = 1.0 - np.exp(-(move.t - move.t[0]) / time_constant)
     return drift - drift.mean()
+
+
+def _over_two(robot: Robot, move: PrescribedMotion, tau: Array, hidden: Hidden) -> Array:
+    """Return the torque of a spring along the sum of two positions, by default of the first two.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If there are no two joints.
+    """
+    chosen = _chosen(robot.joints, hidden, robot)
+    pair = chosen if hidden.joints else chosen[:2]
+    if len(pair) != 2:
+        raise IdentifiabilityError(
+            f"{hidden.name} acts over two joints of {robot.name}; give two, as in "
+            f"{hidden.name}@{'+'.join(robot.joints[:2])}=0.1."
+        )
+    home = robot.actuated_positions(robot.home[None])[0]
+    out = np.zeros_like(tau)
+    total = (move.q - home)[:, pair].sum(axis=1, keepdims=True)
+    out[:, pair] = scaled(np.repeat(total, 2, axis=1), tau[:, pair], hidden.share)
+    return out
 
 
 def _passive(robot: Robot, rigid: RigidTorque, tau: Array, hidden: Hidden) -> Array:

@@ -69,6 +69,15 @@ def test_each_law_is_written_out_and_sized_by_its_joints_torque(polar, move, nam
         hidden_torque(polar, move, rigid, tau, Hidden(name, 0.1, ("reech",)))
 
 
+def test_a_spring_over_two_is_along_a_sum_of_positions(polar, move, rejected):
+    tau = np.ones((400, 2))
+    found = hidden_torque(polar, move, None, tau, parse_hidden("spring_over_two@lift+reach=0.2"))
+    total = (move.q - HOME).sum(1)
+    assert_allclose(found, np.outer(0.2 * total / rms(total), [1, 1]))
+    with rejected("give two"):
+        hidden_torque(polar, move, None, tau, Hidden("spring_over_two", 0.1, ("lift",)))
+
+
 def test_a_late_a_leaking_and_a_drifting_sensor(polar, move):
     t = np.r_[T[:200], T[200:] + 10.0]  # two motions with a pause
     move = SimpleNamespace(t=t, q=move.q, dq=move.dq, ddq=move.ddq)
