@@ -514,6 +514,8 @@ class Family:
         By which `simulate` hides it in a joint, up to a factor.
     told_by : str
         Motion that tells it from what it resembles.
+    pairs : bool
+        Whether its places are pairs of joints, see `joints_of`.
     """
 
     effect: Effect
@@ -536,6 +538,7 @@ class Family:
     continuous: bool = False
     law: Law | None = None
     told_by: str = ""
+    pairs: bool = False
 
     @property
     def name(self) -> str:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import cloudpickle
 
 from identifiability.foundation.errors import ModelError, listing, near_match
-from identifiability.foundation.names import BASE, OVER_BOTH, Parameter, Strings, find_named
+from identifiability.foundation.names import BASE, Parameter, Strings, find_named, split_pair
 from identifiability.robot import Robot
 
 from .effect import Effect, Family, Law, joint_places
@@ -143,7 +143,13 @@ def name_place(name: str, place: str) -> str:
     """Return an effect and where it is; of the base its title says it."""
     if place == BASE:
         return title_of(name)
-    return f"{title_of(name)} in {place.replace(OVER_BOTH, '–')}"
+    return f"{title_of(name)} in {'–'.join(joints_of(name, place))}"
+
+
+def joints_of(name: str, place: str) -> Strings:
+    """Return the joints of a place of an effect: two of a pair, else the place itself."""
+    is_pair = name in FAMILIES and FAMILIES[name].pairs
+    return split_pair(place) if is_pair else (place,)
 
 
 def default_effects(robot: Robot, names: Iterable[str]) -> Strings:

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.names import OVER_BOTH, Array, Parameter, Strings
+from identifiability.foundation.names import OVER_BOTH, Array, Parameter, Strings, name_pair
 from identifiability.robot import Axis, Motion, Robot
 from identifiability.robot.closure import rest_along
 
@@ -159,13 +159,17 @@ PRODUCTS = np.array([
 
 
 def _pairs(robot: Robot) -> dict[str, Strings]:
-    """Return pairs of motor joints by name: neighbours in a chain, and those with one between."""
-    joints = enumerate(robot.tree.joints)
-    driven = {k: j.dofs[0] for k, j in joints if j.dofs[0] in robot.motor_joints}
+    """Return pairs of motor joints by name: neighbours in a chain, and those with one between.
+
+    Joints whose name begins or ends with the sign between two names are in no pair.
+    """
+    names = ((k, j.dofs[0]) for k, j in enumerate(robot.tree.joints))
+    usable = [name for name in robot.motor_joints if name == name.strip(OVER_BOTH)]
+    driven = {k: name for k, name in names if name in usable}
     out = dict[str, Strings]()
     for k, last in driven.items():
         chain = [driven[at] for at in robot.tree.chain(k) if at in driven]
-        out |= {f"{first}{OVER_BOTH}{last}": (first, last) for first in chain[-3:-1]}
+        out |= {name_pair(first, last): (first, last) for first in chain[-3:-1]}
     return out
 
 
@@ -175,6 +179,7 @@ def _pairs(robot: Robot) -> dict[str, Strings]:
     against="position",
     told_by=POSTURES,
     flexible=True,
+    pairs=True,
 )
 class SpringOverTwo(Effect):
     """``τᵢ = ∂U/∂qᵢ, τⱼ = ∂U/∂qⱼ``: a spring, cable or hose that passes over two joints.
@@ -182,8 +187,9 @@ class SpringOverTwo(Effect):
     Both torques are slopes of one potential, ``U(qᵢ, qⱼ) = Σ cₖ fₖ(qᵢ) gₖ(qⱼ)``, so they share its
     parameters. It contains a linear spring along a sum of both positions, and a spring without free
     length between two points, ``U = ½ k L²``; it follows others closely. The joints are neighbours
-    in a chain, or have one joint between them. Where the sum is known, state it as a fixed tendon
-    or as ``[[axes]]``, along which there is `joint_stiffness`.
+    in a chain, or have one joint between them, and names that do not begin or end with ``~``. Where
+    the sum is known, state it as a fixed tendon or as ``[[axes]]``, along which there is
+    `joint_stiffness`.
     """
 
     name = "spring_over_two"

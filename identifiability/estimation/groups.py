@@ -25,7 +25,7 @@ from identifiability.foundation.linalg import (
     or_one,
     triangular_factor,
 )
-from identifiability.foundation.names import INERTIAL_KINDS, OVER_BOTH, Array, Strings
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.rounding import ENDS, join, state_probability
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -225,7 +225,7 @@ class Missing:
         square = self._squares.sum(0)
         for c in self.candidates:
             at = list(c.columns)
-            if c.family.flexible and OVER_BOTH not in c.place:
+            if c.family.flexible and not c.family.pairs:
                 square[at] = square[at].max()
             elif c.family.name in BODIES and len(at) > 1:
                 typical = np.array([LOAD[kind.rpartition("_")[2]] for kind in c.kinds])
@@ -287,7 +287,7 @@ class Missing:
         found: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
         for c in self.candidates:
             # The many columns of springs over two joints would pass for the memory of noise.
-            if c.family.flexible and OVER_BOTH not in c.place:
+            if c.family.flexible and not c.family.pairs:
                 found[c.group].append(c)
         out = []
         for own in sorted(

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identifiability.effects import Family, find_families, find_family
+from identifiability.effects import Family, find_families, find_family, joints_of
 from identifiability.effects.friction import (
     PassiveJointFriction,
     QuadraticFriction,
@@ -22,7 +22,7 @@ from identifiability.effects.measurement import ClockError, CommandDelay, TimeDe
 from identifiability.effects.springs import PositionTorque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
-from identifiability.foundation.names import OVER_BOTH, Array
+from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate
@@ -479,8 +479,8 @@ def _share_joint(one: Term, other: Term) -> bool:
     """
     if one.group.family == other.group.family:
         return one is other
-    joints = other.group.place.split(OVER_BOTH)
-    return not set(one.group.place.split(OVER_BOTH)).isdisjoint(joints)
+    joints = joints_of(other.group.family, other.group.place)
+    return not set(joints_of(one.group.family, one.group.place)).isdisjoint(joints)
 
 
 def _is_apart(model: MixedModel, terms: Terms, k: int, likeliest: int) -> bool:

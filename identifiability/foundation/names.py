@@ -99,8 +99,27 @@ class Parameter:
         return f"{self.kind}({self.symbol or self.owner})"
 
 
-#: Between the names of two joints, where one effect acts over both.
+#: Between the names of two joints, where one effect acts over both; see `name_pair`.
 OVER_BOTH = "~"
+
+
+def name_pair(first: str, second: str) -> str:
+    """Return a name for two joints; its sign is longer than any such sign in their names.
+
+    Examples
+    --------
+    >>> print(name_pair("shoulder", "elbow"), name_pair("shoulder", "el~bow"))
+    shoulder~elbow shoulder~~el~bow
+    """
+    runs = re.findall(f"{OVER_BOTH}+", f"{first} {second}")
+    longest = max(map(len, runs), default=0)
+    return f"{first}{OVER_BOTH * (longest + 1)}{second}"
+
+
+def split_pair(name: str) -> Strings:
+    """Return the two joints of a name that `name_pair` made; another name by itself."""
+    runs = re.findall(f"{OVER_BOTH}+", name)
+    return tuple(name.split(max(runs, key=len))) if runs else (name,)
 
 
 def is_pattern(text: str) -> bool:

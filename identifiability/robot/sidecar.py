@@ -30,13 +30,13 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import (
     BASE,
     INERTIAL_KINDS,
-    OVER_BOTH,
     Array,
     NumberByName,
     Renames,
     find_named,
     is_pattern,
     specificity,
+    split_pair,
 )
 from identifiability.foundation.options import AngleUnit, Root, Side, TimeUnit
 
@@ -653,7 +653,7 @@ def _expand_parameters(
     for text in sorted(table, key=specificity):
         owner, _, kind = text.rpartition(".")
         kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
-        both = {*owner.split(OVER_BOTH)}
+        both = {*split_pair(owner)}
         there = [owner] if both <= {*moving, *locked} else []
         known: Collection[str] = (*bodies, *moving, BASE, *(there if both <= {*moving} else []))
         if is_pattern(text):

@@ -25,7 +25,6 @@ from identifiability.estimation.mixed_model import (
 )
 from identifiability.estimation.noise import JointNoise, JointRuns, split_runs, whiten
 from identifiability.estimation.search import find_missing
-from identifiability.foundation.names import OVER_BOTH
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import Servo
@@ -247,7 +246,7 @@ def test_groups_share_one_prior_and_columns_are_as_large_as_torque(arm):
         assert not x[~found.seen.data[:, j]].any()
     for c in found.candidates:
         own = [(j, k) for j, k in acts if k in c.columns]
-        if c.family.flexible and OVER_BOTH not in c.place:
+        if c.family.flexible and not c.family.pairs:
             assert np.ptp(found.scale[list(c.columns)]) == 0.0
         elif len(own) == len(c.columns) == 1:
             [(j, k)] = own

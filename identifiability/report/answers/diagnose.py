@@ -13,14 +13,14 @@ import numpy as np
 import pandas as pd
 from scipy.special import expit, logit
 
-from identifiability.effects import find_family, name_place, title_of
+from identifiability.effects import find_family, joints_of, name_place, title_of
 from identifiability.effects.base import GravityTilt, apply_tilt
 from identifiability.estimation.rules import RULES
 from identifiability.estimation.verdict import other_terms
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import OVER_BOTH, Array, NumberByName, Strings, name_each
+from identifiability.foundation.names import Array, NumberByName, Strings, name_each
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
@@ -185,7 +185,7 @@ class DiagnosisPresenter(PredictingPresenter):
             tables.append(make_table("bending", _list_bending(result)))
         joints = add_units(result.error_frame(), "rms_before", "rms_after")
         placed = [(p.place, e.name) for e in result.effects for p in e.placements]
-        named = {j: title_of(name) for at, name in placed for j in at.split(OVER_BOTH)}
+        named = {j: title_of(name) for at, name in placed for j in joints_of(name, at)}
         for row in joints:
             note = named.get(row["joint"], "")
             row["joint"] = Cell(row["joint"], note=note)
@@ -497,8 +497,8 @@ def _answer_gap(d: Diagnosis) -> Answer:
 
 def _state_joint(d: Diagnosis) -> str:
     """Return the error of the first joint with a named effect, without and with all of them."""
-    each = (p.place for e in d.effects[: d.included] for p in e.placements)
-    places = [joint for place in each for joint in place.split(OVER_BOTH)]
+    each = ((e.name, p.place) for e in d.effects[: d.included] for p in e.placements)
+    places = [joint for name, place in each for joint in joints_of(name, place)]
     errors = d.error_frame().dropna()
     own = errors[errors["joint"].isin(places)]
     if own.empty:

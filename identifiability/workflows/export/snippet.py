@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.effects import FAMILIES, AlongAxes, find_family, title_of
+from identifiability.effects import FAMILIES, AlongAxes, find_family, joints_of, title_of
 from identifiability.effects.effect import POSTURES, RESTS, SPEEDS
 from identifiability.effects.springs import PRODUCTS, SpringOverTwo
-from identifiability.foundation.names import OVER_BOTH, Array
+from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.quoting import for_python
 from identifiability.foundation.values import Json
@@ -115,7 +115,7 @@ def _list_springs(whole: Robot, alone: Robot) -> Iterator[tuple[str, str, list[l
             whole.nominal.get(n, 0.0) - alone.nominal.get(n, 0.0) for n in names
         ]
         if factors.any():
-            first, second = place.split(OVER_BOTH)
+            first, second = joints_of(SpringOverTwo.name, place)
             yield first, second, factors.tolist()
 
 

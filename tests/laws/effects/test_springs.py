@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identifiability import Model
-from identifiability.effects import find_family
+from identifiability import Model, Robot
+from identifiability.effects import find_family, name_place
 from identifiability.effects.effect import measure_spans
 from identifiability.regression.columns import list_candidates
 from identifiability.robot.closure import known_torque
@@ -130,3 +130,11 @@ def test_a_spring_over_two_joints_is_linear_or_has_no_free_length(polar, pair, m
         assert_allclose(W @ value, torque, atol=1e-9)
     assert {n[:12] for n in found} == {"lift~reach.U"}
     assert not find_family("spring_over_two").places(pair)  # on two branches
+
+
+def test_a_joint_with_the_sign_of_pairs_in_its_name_is_one_joint(load_text):
+    text = Robot.load("two-link").path.read_text().replace('"elbow"', '"shoulder~link"')
+    robot = load_text(text, sidecar="")
+    assert name_place("free_spring", robot.joints[1]).endswith("in shoulder~link")
+    (pair,) = find_family("spring_over_two").places(robot)
+    assert name_place("spring_over_two", pair).endswith("in shoulder–shoulder~link")
