@@ -466,8 +466,12 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def to_frame(self, model: str | None = None, *, details: bool = False) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one.
 
-        ``used`` is its value in predictions and files, `lower` and `upper` are the ends of its
-        95 % interval, which ``standard_error`` belongs to. With `details` there are also the terms
+        ``value`` is the estimate by the logs alone. ``used`` is its value in predictions and files:
+        the nearest physically consistent one where that predicts as well. `lower` and `upper` are
+        the ends of the 95 % interval of the true value; ``standard_error`` is that of ``value``.
+        The interval leaves out what physics forbids, such as negative friction, and ``value`` does
+        not: it may therefore lie below `lower`. ``used`` has a value for the whole robot, and may
+        lie outside the interval of a single parameter. With `details` there are also the terms
         of its error, the paper's rule and all other columns that JSON has.
 
         Raises
