@@ -493,16 +493,19 @@ def mimic_in_bodies(structure: Structure, family: str) -> dict[str, Array]:
     """
     robot = structure.robot
     present = {place for name, place in structure.present if name == family}
-    turning = [a.name for a in robot.axes if not a.prismatic and a.name not in present]
-    if not turning:
+    turning = {a.name for a in robot.axes if not a.prismatic} - present
+    # A wrong zero is of a joint; a spring may also act at a coupled motor.
+    everywhere = Model.of(family).effects[0].parameters(robot)
+    places = tuple(dict.fromkeys(p.owner for p in everywhere if p.owner in turning))
+    if not places:
         return {}
-    alone = Structure.of(robot, Model.of("rigid_body", f"{family}@{'+'.join(turning)}"))
+    alone = Structure.of(robot, Model.of("rigid_body", f"{family}@{'+'.join(places)}"))
     own = [p.group == family for p in alone.parameters]
     kept = [alone.columns.index(name) for name in alone.base.names]
     of_effect = np.take(own, kept)
     bodies = structure.G[:, [structure.columns.index(alone.columns[k]) for k in kept if not own[k]]]
     found = dict[str, Array]()
-    for joint in turning:
+    for joint in places:
         at = [k for k, p in enumerate(alone.parameters) if own[k] and p.owner == joint]
         at = [k for k in at if not alone.G[of_effect, k].any()]
         if at:

@@ -418,3 +418,9 @@ def test_a_zero_that_acts_as_a_turned_body_is_told_with_that_body(logs_of):
     logs = [replace(log, q=log.q + np.array([0, 0.07])) for log in logs_of("two-link")]
     (said,) = analyze("two-link", logs[:2], logs[2:3], replicates=0).warnings
     assert "positions of elbow are read 4.1° too large" in said
+
+
+def test_a_file_with_coupled_motors_is_compared_with_its_logs(logs_of):
+    robot = Robot.load("scara").with_body("flange", mass=3.0)
+    found = analyze(robot, logs_of("scara")[:2], "none", replicates=0)
+    assert any("contradict the robot file" in text for text in found.warnings)
