@@ -19,8 +19,8 @@ from identifiability.workflows.diagnose.naming import Naming
 from .conftest import campaign
 
 
-def find(robot, logs):
-    return diagnose(robot, logs[:4], logs[4:], forward=False)
+def find(robot, logs, **options):
+    return diagnose(robot, logs[:4], logs[4:], forward=False, **options)
 
 
 @pytest.mark.parametrize(
@@ -105,6 +105,19 @@ def test_friction_stands_beside_a_curve_and_lends_its_odds_to_no_other_joint(dia
     hidden = "joint_stiffness@elbow=2", friction, "stribeck_friction@shoulder=0.003"
     (spring,) = diagnosis_of("two-link", *hidden, effects=FEW).effects
     assert spring.name == "joint_stiffness"
+
+
+def test_torque_of_a_motor_of_two_joints_is_stated_along_the_motor(logs_of):
+    nut = np.array([0, 0, 100 * np.pi, 1])
+    speeds = [np.gradient(log.q, log.t, axis=0) @ nut for log in logs_of("scara")]
+    logs = [
+        replace(log, tau=log.tau + (1e-6 * v * abs(v))[:, None] * nut)
+        for log, v in zip(logs_of("scara"), speeds, strict=True)
+    ]
+    (drag,) = find("scara", logs, effects=("quadratic_friction",)).effects
+    (at,) = drag.placements
+    assert (at.place, at.torque_unit) == ("nut", "N·m")
+    assert at.peak == pytest.approx(1e-6 * max(abs(v).max() for v in speeds) ** 2, rel=0.1)
 
 
 def test_analyze_says_which_names_explain_as_much(logs_of):

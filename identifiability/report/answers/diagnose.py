@@ -449,9 +449,7 @@ def _state_size(d: Diagnosis, e: NamedEffect) -> str:
         return sentence("diagnosis.missing", "size", size=f"{angle}°")
     torques = [row for row in rows if row[3] in TORQUE_UNITS]
     most = max(placements, key=lambda p: p.peak)
-    units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
-    holes = {"peak": most.peak, "unit": units.get(most.place, d.robot.torque_units[0])}
-    peak = sentence("diagnosis.missing", "peak", **holes)
+    peak = sentence("diagnosis.missing", "peak", peak=most.peak, unit=most.torque_unit)
     if len(rows) > len(placements) or not torques:
         return peak
     p = max(placements, key=lambda p: abs(p.values[0]))
@@ -553,8 +551,6 @@ def _state_refuted(x: Odds, d: Diagnosis) -> str:
 
 def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
     """Yield the parameters of the named effects as rows of a table."""
-    units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
-    of_any = " or ".join(dict.fromkeys(d.robot.torque_units))
     for e in d.effects:
         equation = find_family(e.name).effect.equation
         for p in e.placements:
@@ -564,7 +560,7 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
             ]
             note = equation if p is e.placements[0] else ""
             name = Cell(" or ".join([here, *rivals]), note=note)
-            added = unit_cell(p.peak, units.get(p.place, of_any))
+            added = unit_cell(p.peak, p.torque_unit)
             named = name if p.sure else sentence("diagnosis.missing", "unsure")
             shape = _state_shape(d, e.name, p)
             names = [row[0] for row in p.rows]

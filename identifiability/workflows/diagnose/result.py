@@ -83,9 +83,12 @@ class Placement:
         Of the mixed model, with standard errors. That of a law of friction includes the error by
         its shape.
     rms : float [N·m or N]
-        Of the torque that it adds at the joint where it is largest.
+        Of the torque that it adds: at a motor of several joints along this motor, else at the
+        joint where it is largest.
     peak : float [N·m or N]
-        Largest torque that it adds along the fitted rows.
+        Largest torque that it adds there along the fitted rows.
+    torque_unit : str
+        Unit of both.
     rivals : tuple of Rival
     weight : float
         Its posterior probability among all competing hypotheses.
@@ -107,6 +110,7 @@ class Placement:
     errors: Array
     rms: float
     peak: float
+    torque_unit: str
     rivals: tuple[Rival, ...] = ()
     weight: float = 1.0
     odds: float = np.nan

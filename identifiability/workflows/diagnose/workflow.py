@@ -889,6 +889,17 @@ def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
     )
 
 
+def _lever(robot: Robot, place: str, joint: int) -> tuple[float, str]:
+    """Return the torque at a joint by unit torque at a place, and the unit of the latter.
+
+    Torque of passive joints, bodies and pairs of joints is stated as at the joint.
+    """
+    for axis in robot.axes:
+        if axis.name == place and axis.mixed and axis.row is not None:
+            return abs(float(axis.row[joint])), "N" if axis.prismatic else "N·m"
+    return 1.0, robot.torque_units[joint]
+
+
 def _place(naming: Naming, k: int) -> Placement:
     """Return the placement of a part: values, torque, odds and rivals."""
     part = naming.parts[k]
@@ -897,8 +908,10 @@ def _place(naming: Naming, k: int) -> Placement:
     if c.positive:
         value = np.maximum(value, 0.0)
     parameters = part.parameters(naming.problem.robot)
-    sizes = [float(rms_of(naming.columns([k], j) @ value)) for j in naming.acts(k)]
-    peaks = [float(np.abs(_law(naming, k, j) @ value).max(initial=0.0)) for j in naming.acts(k)]
+    sizes = [(float(rms_of(naming.columns([k], j) @ value)), j) for j in naming.acts(k)]
+    size, joint = max(sizes, default=(0.0, 0))
+    lever, unit = _lever(naming.problem.robot, c.place, joint)
+    peak = float(np.abs(_law(naming, k, joint) @ value).max(initial=0.0))
     rivals = [r.key for r in part.rivals]  # a family everywhere is here, too
     here = (Rival(name, place.replace(EVERYWHERE, c.place)) for name, place in rivals)
     return Placement(
@@ -910,8 +923,9 @@ def _place(naming: Naming, k: int) -> Placement:
         units=tuple(x.unit for x in parameters),
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0) + part.spread**2),
-        rms=max(sizes, default=0.0),
-        peak=max(peaks, default=0.0),
+        rms=size / lever,
+        peak=peak / lever,
+        torque_unit=unit,
         rivals=tuple(dict.fromkeys(here)),
         weight=part.weight,
         odds=part.term.odds,
