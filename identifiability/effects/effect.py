@@ -510,6 +510,8 @@ class Family:
         Whether its shape is the number of its columns: motion that was not fitted chooses it.
     continuous : bool
         Whether what lies between two shapes is one, too: tried where data tell these apart.
+    refined : bool
+        Whether only the likeliest shape of its grid is replaced by one between its neighbours.
     law : callable(speed, position, load) -> force, optional
         By which `simulate` hides it in a joint, up to a factor.
     told_by : str
@@ -536,6 +538,7 @@ class Family:
     unnamed: bool = False
     flexible: bool = False
     continuous: bool = False
+    refined: bool = False
     law: Law | None = None
     told_by: str = ""
     pairs: bool = False

@@ -184,14 +184,22 @@ class Backlash(Shaped):
 # Torque that repeats with the pitch of a screw, the teeth of a gear or the poles of a motor.
 
 
-#: Ripple periods that are tried, as periods in the joint's range. Below two it is a spring or
-#: gravity; neighbours are in phase to a quarter of a period over the range.
-RIPPLES = tuple(float(x) for x in np.arange(2.0, 16.01, 0.5))
+#: Periods in the range of a joint that are tried: of one that turns, and of one that slides, whose
+#: motor may have many poles. Below two it is a spring or gravity; neighbours are in phase to a
+#: quarter of a period over the range.
+RIPPLES = tuple(0.5 * np.arange(4, end) for end in (33, 97))
+
+
+def _list_periods(span: Span) -> tuple[float, ...]:
+    """Return the periods that are tried [rad or m]."""
+    slides = {axis.name: axis.prismatic for axis in span.robot.axes}[span.joint]
+    return tuple((span.position_range / RIPPLES[slides]).tolist())
 
 
 @declare(
     "position ripple",
-    shapes=lambda span: tuple(span.position_range / k for k in RIPPLES),
+    shapes=_list_periods,
+    refined=True,
     against="position",
     told_by=POSTURES,
 )

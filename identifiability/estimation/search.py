@@ -548,7 +548,8 @@ def find_candidates(search: Search, terms: Terms, k: int) -> list[Candidate]:
     rest = without(terms, k)
     sets = search.missing.sets[term.key]
     chosen = sets[min(term.member, len(sets) - 1)]
-    if sets[0][0].family.continuous:
+    family = sets[0][0].family
+    if family.continuous or family.refined:
         chosen = _refined(search.model, rest, term.group, sets)
     elif term.member == len(sets):
         chosen = [c for some in sets for c in some]
@@ -566,7 +567,7 @@ def _merge_kinds(own: Sequence[Candidate]) -> Candidate:
 def _refined(
     model: MixedModel, rest: Terms, group: Group, sets: Sequence[Sequence[Candidate]]
 ) -> list[Candidate]:
-    """Return a continuous family at its places, with the likeliest shape between those of its grid.
+    """Return a family at its places, with the likeliest shape between those of its grid.
 
     A parabola through the likeliest grid shape and its two neighbours has its maximum there.
     """

@@ -120,6 +120,19 @@ def test_torque_of_a_motor_of_two_joints_is_stated_along_the_motor(logs_of):
     assert at.peak == pytest.approx(1e-6 * max(abs(v).max() for v in speeds) ** 2, rel=0.1)
 
 
+def test_poles_of_a_linear_motor_are_named_with_their_pitch(logs_of):
+    pitch = np.ptp([log.q[:, 2] for log in logs_of("scara")[:4]]) / 37.3
+    wave = np.array([0, 0, 6.0, 0])
+    logs = [
+        replace(log, tau=log.tau + np.sin(2 * np.pi / pitch * log.q) * wave)
+        for log in logs_of("scara")
+    ]
+    (ripple,) = find("scara", logs, effects=("position_ripple",)).effects
+    assert ripple.placements[0].shape == pytest.approx(pitch, rel=2e-3)
+    blind = find("scara", logs, effects=("joint_stiffness",))
+    assert "In lift it is 2.4" in blind.unexplained
+
+
 def test_analyze_says_which_names_explain_as_much(logs_of):
     found = analyze("scara", logs_of("scara", "joint_stiffness@shoulder=0.05"), replicates=0)
     assert " or spring with an unknown rest in " in found.missing.statement

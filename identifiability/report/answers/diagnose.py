@@ -221,7 +221,7 @@ class DiagnosisPresenter(PredictingPresenter):
             holes["motion"] = advise_motion([most.name])
             holes |= {"gain": weak.unseen, "needed": weak.needed}
             parts.append(sentence(about, part, name=name, probability=sure, **holes))
-        parts.append(sentence(about, "looks", looks=_state_looks(result)))
+        parts.append(_state_looks(result, self.noise()))
         return " ".join(parts)
 
     def effect_rows(self) -> Iterator[Row]:
@@ -505,13 +505,23 @@ def _state_joint(d: Diagnosis) -> str:
     return sentence("diagnosis.explained", "joint", joint=joint, before=before, after=after)
 
 
-def _state_looks(d: Diagnosis) -> str:
-    """Return the variable that explains most of the residual, in words."""
+def _state_looks(d: Diagnosis, noise: Array | None) -> str:
+    """Return what the residual depends on, and its size where it is more than noise of torque."""
+    about = "diagnosis.residual"
     most = max(d.discrepancies, key=lambda x: max(x.explained.values(), default=0.0))
     where, best = max(most.explained.items(), key=lambda x: x[1])
-    if best < VISIBLE:
-        return sentence("diagnosis.residual", "noise")
-    return sentence("diagnosis.residual", "depends", where=where, joint=most.joint, share=best)
+    sizes = np.array([x.rms for x in d.discrepancies])
+    known = np.zeros(1) if noise is None else noise
+    ratios = sizes / np.where(known > 0, known, np.inf)
+    worst = int(ratios.argmax())
+    larger = bool(ratios[worst] > REACH)
+    part = "depends" if best >= VISIBLE else "unknown" if larger else "noise"
+    parts = [sentence(about, part, where=where, joint=most.joint, share=best)]
+    if larger:
+        holes = {"rms": sizes[worst], "unit": d.robot.torque_units[worst]}
+        joint = d.robot.joints[worst]
+        parts.append(sentence(about, "size", joint=joint, ratio=ratios[worst], **holes))
+    return " ".join(parts)
 
 
 # Other findings.

@@ -889,15 +889,24 @@ def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
     )
 
 
-def _lever(robot: Robot, place: str, joint: int) -> tuple[float, str]:
-    """Return the torque at a joint by unit torque at a place, and the unit of the latter.
+def _measure_torque(naming: Naming, k: int, value: Array) -> tuple[float, float, str]:
+    """Return rms, largest value and unit of the torque of a part: along its motor, or at a joint.
 
-    Torque of passive joints, bodies and pairs of joints is stated as at the joint.
+    At a motor of several joints it is the torque of this motor, else of the joint where it is
+    largest.
     """
+    robot, place = naming.problem.robot, naming.parts[k].candidate.place
+    torques = {j: naming.columns([k], j) @ value for j in naming.acts(k)}
+    sizes = {j: float(rms_of(torque)) for j, torque in torques.items()}
+    joint = max(sizes, key=sizes.__getitem__, default=0)
+    size = sizes.get(joint, 0.0)
+    law = _law(naming, k, joint) @ value
+    peak = float(np.abs(law).max(initial=0.0))
     for axis in robot.axes:
         if axis.name == place and axis.mixed and axis.row is not None:
-            return abs(float(axis.row[joint])), "N" if axis.prismatic else "N·m"
-    return 1.0, robot.torque_units[joint]
+            lever = abs(float(axis.row[joint]))
+            return size / lever, peak / lever, "N" if axis.prismatic else "N·m"
+    return size, peak, robot.torque_units[joint]
 
 
 def _place(naming: Naming, k: int) -> Placement:
@@ -908,10 +917,7 @@ def _place(naming: Naming, k: int) -> Placement:
     if c.positive:
         value = np.maximum(value, 0.0)
     parameters = part.parameters(naming.problem.robot)
-    sizes = [(float(rms_of(naming.columns([k], j) @ value)), j) for j in naming.acts(k)]
-    size, joint = max(sizes, default=(0.0, 0))
-    lever, unit = _lever(naming.problem.robot, c.place, joint)
-    peak = float(np.abs(_law(naming, k, joint) @ value).max(initial=0.0))
+    rms, peak, unit = _measure_torque(naming, k, value)
     rivals = [r.key for r in part.rivals]  # a family everywhere is here, too
     here = (Rival(name, place.replace(EVERYWHERE, c.place)) for name, place in rivals)
     return Placement(
@@ -923,8 +929,8 @@ def _place(naming: Naming, k: int) -> Placement:
         units=tuple(x.unit for x in parameters),
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0) + part.spread**2),
-        rms=size / lever,
-        peak=peak / lever,
+        rms=rms,
+        peak=peak,
         torque_unit=unit,
         rivals=tuple(dict.fromkeys(here)),
         weight=part.weight,
