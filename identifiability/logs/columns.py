@@ -734,11 +734,13 @@ def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[
     if kind not in ("q", "tau"):
         return []
     columns = [g.source for g in loose]
+    lock = f" If joints that are not in the log stand still, lock them: --lock {known.joints[-1]}."
+    fewer = lock if len(numbers) < len(known.joints) else ""
     more = f", and {len(known.listed)} with all others" if len(known.listed) > count else ""
     raise LogError(
         f"{source} numbers its joints differently from the robot ({listing(columns)}; the "
         f"robot has {len(known.joints)}: {listing(known.joints)}{more}); say which is which, as in "
-        f"{_map_word(columns[0], f'{known.joints[0]}.{kind}')}."
+        f"{_map_word(columns[0], f'{known.joints[0]}.{kind}')}.{fewer}"
     )
 
 

@@ -422,7 +422,6 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
         "outliers",
         "limit" if most else "where",
         log=log.name,
-        rows=int((last - first).sum()),
         start=ends[0],
         stop=ends[1],
         joint=joints[worst],

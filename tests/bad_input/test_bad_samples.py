@@ -71,4 +71,4 @@ def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
         diagnose("two-link", log, quick=True, forward=False),
     ):
         (hint,) = (h for h in found.hints if " outliers less weight: " in h)
-        assert re.search(r" of a(, part 1)? are outliers .t = 2\..*: the torque of elbow is ", hint)
+        assert re.search(r"From t = 2\..* of a(, part 1)?, the torque of elbow is ", hint)

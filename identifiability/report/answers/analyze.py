@@ -192,13 +192,14 @@ class LadderedPresenter(PredictingPresenter):
         return (*super().warnings(), *self._uneven_logs(), *contradicted)
 
     def _uneven_logs(self) -> Strings:
-        """Return which log errs much more than the others, if one does."""
+        """Return which logs err much more than the others, if any do."""
         result = self.result
         logs = self.error_frame().query("of == 'log'")
         errors = logs["error"].fillna(logs["error_validation"]).to_numpy(float)
         variations = [result.fitted.variation(k) for k in range(len(result.samples))]
         variations += [result.held_out.variation(k) for k in range(len(result.validation))]
-        return tuple(state_uneven_log([*logs["name"]], errors, np.array(variations)))
+        given = [*logs["name"]], errors, np.array(variations)
+        return tuple(state_uneven_log(*given, commanded=result.recordings.commanded))
 
     def errors(self) -> tuple[float, Array, Array]:
         """Return the errors of the values to use on unseen motion."""

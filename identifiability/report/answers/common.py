@@ -447,10 +447,14 @@ def state_uneven(error: float, joints: Sequence[str], each: Array, **given: bool
     return [Finding("uneven", joint=joint, error=worst, together=error, **given)]
 
 
-def state_uneven_log(logs: Sequence[str], each: Array, variations: Array) -> list[Finding]:
-    """Return that the model errs far more on one log than on the others, if it does.
+def state_uneven_log(
+    logs: Sequence[str], each: Array, variations: Array, *, commanded: bool = False
+) -> list[Finding]:
+    """Return that the model errs far more on a third of the logs or less than on the others.
 
     It errs more in N·m as well: the same error is a larger share of the torque of slow motion.
+    A fit leans to the odd logs if they are several. So each needs to err less, by the same evidence
+    of all: the logarithm of its error over that of the others falls with the root of their number.
 
     Parameters
     ----------
@@ -460,17 +464,23 @@ def state_uneven_log(logs: Sequence[str], each: Array, variations: Array) -> lis
         Error on each log, relative to the variation of its torque; nan without torque.
     variations : (k,) [N or N·m]
         That variation.
+    commanded : bool
+        Whether the torque comes from commands.
     """
-    if np.count_nonzero(np.isfinite(each)) < 3:  # of two logs either may be the odd one
-        return []
-    worst = int(np.nanargmax(each))
-    own = float(each[worst])
-    others = float(np.nanmedian(np.delete(each, worst)))
+    worst_first = np.argsort(-each)
+    order = worst_first[np.isfinite(each[worst_first])]
     sizes = each * variations
-    errs_more = sizes[worst] > 2 * np.nanmedian(np.delete(sizes, worst))
-    if grade_of(own) == "very-good" or not (own > RULES.uneven * others and errs_more):
-        return []
-    return [Finding("uneven_log", log=logs[worst], error=own, others=others)]
+    found = []
+    for count in range(1, len(order) // 3 + 1):
+        odd, others = order[:count], np.median(each[order[count:]])
+        factor = RULES.uneven ** (1 / np.sqrt(count))
+        errs_more = sizes[odd].min() > min(2, factor) * np.median(sizes[order[count:]])
+        least = float(each[odd].min())
+        if errs_more and least > factor * others and grade_of(least) != "very-good":
+            names = [logs[k] for k in np.sort(odd)]
+            errors = {"error": float(np.median(each[odd])), "others": float(others)}
+            found = [Finding("uneven_log", logs=names, commanded=commanded, **errors)]
+    return found
 
 
 def errs_unevenly(error: float, own: float) -> bool:

@@ -98,6 +98,11 @@ REFUSED = {
         PAIR,
         r"numbers its joints differently .* the robot has 2: .*columns={'q1': 'shoulder\.q'}",
     ),
+    "fewer numbers": (
+        ["t", *each("{k}{j}", (1,), ("q", "tau"))],
+        PAIR,
+        r"columns={'q1': 'shoulder\.q'}\)\. If joints .* lock them: .*lock=\['elbow'\]",
+    ),
     "other order": (
         ["t", *each("{k}{j}", (1, 2), ("q", "tau"))],
         ("j2", "j1"),
