@@ -10,6 +10,7 @@ import pytest
 from numpy.random import default_rng
 
 from identifiability import Noise, Robot, compare, simulate
+from identifiability.foundation.findings import Finding
 from identifiability.regression.reduction import USUAL_EFFECTS, LadderEntry, ModelEntry
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
@@ -68,6 +69,15 @@ def test_friction_that_rose_is_named_with_its_size(name, joint, motion):
         true = campaign(name).robot.nominal[row[0].text]
         levels = [float(cell.text.split()[0]) for cell in row[1:3]]  # before and after
         assert levels == pytest.approx([true, 1.2 * true], abs=3 * sd)
+
+
+def test_a_load_in_logs_of_commands_proposes_no_payload_which_refuses_them():
+    found = compare(PLANAR, logs(PLANAR, 0)[0], logs(PLANAR, 30, elbow=1.2)[1])
+    load = replace(found.changes[0], kind="load", place="link2")
+    found = replace(found, changes=(load,))
+    assert "payload" in str(found.next())
+    commanded = Finding("commands", text="")
+    assert "payload" not in str(replace(found, hints=(commanded,)).next())
 
 
 def test_torque_that_all_logs_have_is_no_part_of_a_change():

@@ -11,6 +11,7 @@ import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Column, Table, frame_table
 from identifiability.foundation.errors import listing
+from identifiability.foundation.findings import of_key
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
@@ -100,7 +101,8 @@ class ComparisonPresenter(AnsweringPresenter):
             return [*self._diagnose(), command("export", f"{fit} && identifiability {export}")]
         loads = [x for c in result.changes for x in (c, *c.alternatives) if x.kind == "load"]
         bodies = [x.place for x in loads if x.place in result.robot.bodies]
-        if bodies:
+        weighable = not of_key(result.hints, "commands")  # `payload` needs measured torque
+        if bodies and weighable:
             logs = name_logs(result.robot, result.after)
             body = option_for_shell("--body", bodies[0])
             without = "".join(f" --without {path_for_shell(path)}" for path in result.before)
