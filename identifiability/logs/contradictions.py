@@ -92,11 +92,13 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
             joint = windows[0].joints[odd[0]]
             low, high = robot.limits[odd[0]]
             stated = '"*"' if most else toml_key(joint)
+            normalised = windows[0].commanded and is_odd is looks_like_degrees
+            shares = _shares_of_range(joint, [*columns.values()], low, high) if normalised else ""
             raise LogError(
                 f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "
                 f"{low:.4g} … {high:.4g} rad: it {why} state the scale of ticks or normalised "
                 f"units: [columns] {stated} = {{scale = …, offset = …}} in the sidecar "
-                f"(rad = scale × value + offset).{_ticks_of_servos(columns[odd[0]])}"
+                f"(rad = scale × value + offset).{_ticks_of_servos(columns[odd[0]])}{shares}"
             )
 
 
@@ -106,6 +108,20 @@ _DEGREES = (
     "header goes before both: correct that), or --set angles=rad if they are rad, or"
 )
 _TICKS = "spans more than twice the joint's limits;"
+
+
+def _shares_of_range(joint: str, columns: Sequence[Array], low: float, high: float) -> str:
+    """Return how to state shares of a range if positions may be shares; else an empty text."""
+    most = 100  # of LeRobot's normalised units
+    if any(np.abs(q).max() > most for q in columns):
+        return ""
+    scale = (high - low) / (2 * most)
+    return (
+        f" Without a unit these may be LeRobot's normalised units: −{most} … {most} of each "
+        f"joint's range, 0 … {most} of a gripper's. They look like degrees, so check how they were "
+        f"recorded. If −{most} and {most} are limits of the robot file, write {toml_key(joint)} = "
+        f"{{scale = {scale:.6g}, offset = {0.5 * (low + high):.6g}}}, and so for each joint."
+    )
 
 
 def _ticks_of_servos(q: Array) -> str:

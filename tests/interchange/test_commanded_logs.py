@@ -109,7 +109,7 @@ base_yaw = {scale = 0.017453292519943295}
 @pytest.mark.parametrize(
     "scale, said",
     [
-        (57.29578, "it looks like degrees: say .*angles='deg'"),
+        (57.29578, "it looks like degrees: say .*angles='deg'.* −100 … 100 of each joint's range"),
         (4096 / (2 * np.pi), "scale = 0.00153398, offset = -3.14159"),
     ],
 )
