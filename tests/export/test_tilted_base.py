@@ -108,3 +108,18 @@ def test_a_wall_is_found_stated_written_and_drawn(on_a_wall, tmp_path):
     again = analyze(robot, log, unseen, ladder=found, quick=True, replicates=0)
     assert "In this model gravity points along" in again.details
     assert again.chosen.error_ra_validation < 0.03
+
+
+@pytest.mark.parametrize("share", [0.015, 0.04])  # a missing effect, and another reading
+def test_headline_table_and_file_have_one_angle(share):
+    robot = Robot.load("six-dof-arm")
+    hide, noise = [f"gravity_tilt={share}"], Noise(additive=0.02)
+    logs = [shipped_log(robot, m, 400, noise=noise, hide=hide, seed=k) for k, m in enumerate("ab")]
+    found = diagnose(robot, *logs, quick=True, forward=False)
+    angle = found.to_dict()["physical"]["gravity"]["degrees"]
+    if found.effects:
+        table = found.to_frame()
+        assert np.degrees(np.linalg.norm(table["value"])) == pytest.approx(angle, rel=0.02)
+        assert f"A tilted base, {angle:.2f}° ± 0." in found.statement
+    else:
+        assert f"{angle:.3g}° from the direction" in found.details

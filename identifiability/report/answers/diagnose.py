@@ -14,19 +14,19 @@ import pandas as pd
 from scipy.special import expit, logit
 
 from identifiability.effects import find_family, joints_of, name_place, title_of
-from identifiability.effects.base import GravityTilt, apply_tilt
+from identifiability.effects.base import TILTS, GravityTilt, apply_tilt
 from identifiability.estimation.rules import RULES
 from identifiability.estimation.verdict import other_terms
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array, NumberByName, Strings, name_each
+from identifiability.foundation.names import BASE, Array, NumberByName, Strings, name_each
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
     NONE,
     REACH,
-    format_number,
+    format_measured,
     join,
     measured,
     state_probability,
@@ -443,10 +443,7 @@ def _state_size(d: Diagnosis, e: NamedEffect) -> str:
     if not placements:
         return ""
     if e.name == GravityTilt.name and d.included:
-        numbers = name_each(d.completed.base.names, d.values)
-        tilt = apply_tilt(d.completed.robot, numbers)[0].tilt
-        angle = format_number(tilt.degrees, 2) if tilt else "0"
-        return sentence("diagnosis.missing", "size", size=f"{angle}°")
+        return sentence("diagnosis.missing", "size", size=_measure_tilt(d))
     torques = [row for row in rows if row[3] in TORQUE_UNITS]
     most = max(placements, key=lambda p: p.peak)
     peak = sentence("diagnosis.missing", "peak", peak=most.peak, unit=most.torque_unit)
@@ -460,6 +457,21 @@ def _state_size(d: Diagnosis, e: NamedEffect) -> str:
         value, error, part = p.peak, error * p.peak / abs(value), "largest"
     size = sentence("diagnosis.missing", part, size=measured(abs(value), error, unit))
     return size + sentence("diagnosis.missing", "vague") if vague else size
+
+
+def _measure_tilt(d: Diagnosis) -> str:
+    """Return the angle of the base ± one standard error, as files have it."""
+    names = d.completed.base.names
+    numbers = name_each(names, d.values)
+    tilt = apply_tilt(d.completed.robot, numbers)[0].tilt
+    if tilt is None:
+        return "0°"
+    kinds = [names.index(n) for n in (f"{BASE}.{kind}" for kind in TILTS) if n in names]
+    along = d.values[kinds]
+    variance = along @ d.fit.base_covariance[np.ix_(kinds, kinds)] @ along
+    error = np.degrees(np.sqrt(variance) / np.linalg.norm(along))
+    angle, half = format_measured(tilt.degrees, float(error))
+    return f"{angle}° ± {half}°"
 
 
 def _is_far(limit: float, error: float, peak: float) -> bool:

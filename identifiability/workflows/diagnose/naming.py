@@ -366,7 +366,9 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     motions = [x.motion for x in fitted.samples]
     families = tuple(every.values())
     listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=problem.fixed)
-    found = {t.key: t for t in problem.found if t.group.family in asked}
+    # Gravity that a reading has turned is in the model already, with the angles about it.
+    new = asked.keys() - {e.name for e in s.model.effects}
+    found = {t.key: t for t in problem.found if t.group.family in new}
     known = problem.known
     if found:
         texts = (f"{family}@{place}" for family, place in found)

@@ -80,8 +80,8 @@ class Placement:
         nan for families without one.
     parameters, units : tuple of str
     values, errors : (k,)
-        Of the mixed model, with standard errors. That of a law of friction includes the error by
-        its shape.
+        Of the mixed model, with standard errors; those of a tilted base are of the refitted model.
+        The error of a law of friction includes that of its shape.
     rms : float [N·m or N]
         Of the torque that it adds: at a motor of several joints along this motor, else at the
         joint where it is largest.

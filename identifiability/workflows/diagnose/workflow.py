@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from identifiability.effects import Part, Placed, default_effects, find_families, title_of
+from identifiability.effects.base import GravityTilt
 from identifiability.effects.measurement import CommandDelay
 from identifiability.effects.registry import is_loaded
 from identifiability.estimation.estimate import Outliers
@@ -823,7 +824,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     discrepancies = tuple(
         find_discrepancies(naming.fitted, fitted.residual[..., 0], problem.robot.joints)
     )
-    return Diagnosis(
+    diagnosed = Diagnosis(
         problem=problem,
         effects=tuple(_list_effects(naming, placed, found.gap, rng)),
         curves=curves,
@@ -835,6 +836,25 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         evidence=_list_evidence(naming),
         **vars(found),
     )
+    return _restate_tilt(diagnosed)
+
+
+def _restate_tilt(d: Diagnosis) -> Diagnosis:
+    """Return a diagnosis whose table has the angles of the refitted model, as headline and file.
+
+    A tilt that the case had found is in the searched model, too: its part has the rest only.
+    """
+    if not d.included or all(e.name != GravityTilt.name for e in d.effects):
+        return d
+    names = d.completed.base.names
+    errors = np.sqrt(np.diag(d.fit.base_covariance))
+    effects = list(d.effects)
+    for k, e in enumerate(effects):
+        rows = [names.index(n) for n in e.placements[0].parameters if n in names]
+        if e.name == GravityTilt.name and len(rows) == len(e.placements[0].parameters):
+            tilt = replace(e.placements[0], values=d.values[rows], errors=errors[rows])
+            effects[k] = replace(e, placements=(tilt,))
+    return replace(d, effects=tuple(effects))
 
 
 def _place_families(naming: Naming) -> list[dict[int, Placement]]:
