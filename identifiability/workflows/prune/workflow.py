@@ -539,8 +539,6 @@ def judge_step(
     density = steps[k].score.gain(best.score)
     error = Evidence.of(steps[k].errors, best.errors).error
     accounts = [k] if robot is None else range(len(steps), len(steps) + ACCOUNTS)
-    fitted = found.fitted.select(accounts)
-    unseen = found.unseen.select(accounts)
     return PrunedModel(
         step=steps[k],
         submodel=submodel,
@@ -549,8 +547,8 @@ def judge_step(
         verdicts=verdicts,
         infeasible=infeasible,
         physical=robot,
-        fitted=fitted,
-        unseen=unseen,
+        fitted=found.fitted.select(accounts),
+        unseen=found.unseen.select(accounts),
         crossed=found.crossed.select(accounts),
         spread=error.se,
         density=density.value,
