@@ -134,7 +134,7 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(
     sprung = replace(log, tau=log.tau + np.array([0.0, 0.3]) * log.q**3)
     light, lacks = (analyze(file, x, "none", replicates=0).warnings for x in (log, sprung))
     assert "Does link2 carry a tool or load that the file lacks?" in light[-1]
-    assert "The model may lack torque along the position in elbow" in lacks[-1]
+    assert "The model may lack torque that depends on position in elbow" in lacks[-1]
     arm = Robot.load("palletizer")
     file = save_robot(arm, {n: 0.05 * x for n, x in arm.nominal.items()}, tmp_path / "small.xml")
     small = analyze(file, simulated_session(arm.name, "a", samples=400), "none", replicates=0)

@@ -226,11 +226,11 @@ class StribeckFriction(Shaped):
         return 0.1 * (float(known.max()) if len(known) else (2.0, 0.3)[axis.prismatic])
 
 
-# Friction that rises with speed to its level, instead of jumping there.
+# Friction that builds up with speed, instead of jumping there.
 
 
 @declare(
-    "friction that rises with speed to its level",
+    "friction that builds up with speed",
     shapes=stribeck_velocities,
     needs="viscous_friction",
     continuous=True,

@@ -245,7 +245,7 @@ def cubic_piece(away: Array) -> Array:
 
 
 @declare(
-    "torque along the position",
+    "torque that depends on position",
     shapes=_spacings,
     against="position",
     told_by=POSTURES,

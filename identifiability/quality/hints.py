@@ -413,6 +413,8 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
     own = place == place[at]
     first, last = found.first[own], found.last[own]
     ends = log.output_times(np.array([first[0], last[-1] - 1]))
+    start, stop = (f"{end:.5g}" for end in ends)
+    times = f"At t = {start} s" if start == stop else f"From t = {start} to {stop} s"
     far = float(np.sqrt(found.beyond[at, worst]))
     size = [np.abs(s.tau[s.at_outputs, worst]) for s in samples]
     parts = zip(found.log, found.first, found.last, strict=True)
@@ -422,8 +424,7 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
         "outliers",
         "limit" if most else "where",
         log=log.name,
-        start=ends[0],
-        stop=ends[1],
+        times=times,
         joint=joints[worst],
         far=far,
     )

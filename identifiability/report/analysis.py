@@ -418,7 +418,9 @@ def pruning_heading(ladder: Ladder) -> tuple[str, str]:
 def pruning_below(ladder: Ladder) -> Picture:
     """Return the error of every model of the path over its size."""
     likely = sentence("pruning.use", "shaded") if sizes_as_good(ladder) else ""
-    return picture("ladder", plot.reduction_path(ladder), likely=likely)
+    known = np.isfinite(ladder.chosen.unseen_by(1))
+    exported = sentence("pruning.use", "exported") if known else ""
+    return picture("ladder", plot.reduction_path(ladder), likely=likely, exported=exported)
 
 
 def pruning_sections(ladder: Ladder) -> list[Section | None]:

@@ -563,7 +563,8 @@ def torque_traces(
 ) -> Traces:
     """Return measured torque, predicted torque and the residual (N, n) along a log, to zoom.
 
-    The joint with the largest relative residual is shown first. With half widths of 95 % intervals
+    The joint with the second largest relative residual is shown first, as the largest one is on the
+    first screen. With half widths of 95 % intervals
     (N, n) the prediction has a band.
     """
     lines = torque_lines(measured, predicted)
@@ -572,8 +573,9 @@ def torque_traces(
         lines |= {"95 % from": predicted - known, "95 % to": predicted + known}
     caption = sentence("analysis.traces", log=log)
     missed, whole = (np.ma.masked_invalid(y).std(0) for y in (lines["residual"], measured))
-    worst = int((missed / whole).filled(0.0).argmax())
-    drawn = traces(t, joints, units, lines, caption=caption, shown=worst)
+    relative = (missed / whole).filled(0.0)
+    order = relative.argsort().tolist()
+    drawn = traces(t, joints, units, lines, caption=caption, shown=order[-2:][0])
     return replace(drawn, gaps=sentence("moving", "gaps"))
 
 

@@ -314,8 +314,9 @@ def label_axes(axes: Axes, x: str, y: str, title: str = "") -> None:
     axes.set_ylabel(y)
     if title:
         axes.set_title(
-            for_svg(title, 44),
-            loc="right",  # where the legend ends: a long one may begin above the axis' label
+            for_svg(title, 48),
+            loc="left",
+            x=-0.15,  # above the label of the axis, so that a long one has room
             pad=26,
             color=INK,
             fontweight="bold",
@@ -477,6 +478,8 @@ def draw_curve(
 ) -> Figure:
     """Draw the learned curve of an effect, with its 95 % interval, against the data.
 
+    Torque that is no curve of the motion is drawn over the fitted torque.
+
     Parameters
     ----------
     x, learned, spread, data : (N,)
@@ -486,42 +489,37 @@ def draw_curve(
         Of the axes.
     """
     figure, (axes,) = canvas(WIDTH, 176, (60, 10, 42, 36))
+    along = np.nan_to_num(learned[np.argsort(x)], posinf=0.0, neginf=0.0)
+    branches = _is_rough(along)
+    # Of a delay speed alone says nothing. Friction by position has one branch a direction.
+    if branches and _is_rough(np.abs(along)):
+        branches = False
+        x = learned
+        labels = f"fitted {labels[1]}", labels[1]
     rows = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int))
     points = np.stack([x, data], 1)[rows]
     # Strokes without length are a tenth of the size of markers.
     strokes(axes, points, points, MUTED, linewidth=3.0, capstyle="round", alpha=0.6)
     axes.plot([], [], ".", color=MUTED, label="measured less rest of model")
     order = np.argsort(x)
-    along = learned[order]
-    low = along - REACH * spread[order]
-    high = along + REACH * spread[order]
-    known = np.nan_to_num(along, posinf=0.0, neginf=0.0)
-    if np.mean(np.diff(known) ** 2) > 0.05 * np.var(known):
-        # Neighbours differ as any two do: of a delay speed alone says nothing.
-        axes.plot(
-            x[rows],
-            learned[rows],
-            ".",
-            markersize=3.0,
-            color=BLUE,
-            label="fitted",
-        )
+    if branches:
+        axes.plot(x[rows], learned[rows], ".", markersize=3.0, color=BLUE, label="fitted")
     else:
+        low, high = (learned[order] + side * REACH * spread[order] for side in (-1.0, 1.0))
         # A band that is thinner than the line cannot be seen: the legend leaves it out.
         label = "95 %" if 2 * REACH * np.mean(spread) > 0.02 * np.ptp(data) else None
         axes.fill_between(x[order], low, high, color=BLUE, alpha=0.2, linewidth=0, label=label)
-        axes.plot(
-            x[order],
-            along,
-            color=BLUE,
-            linewidth=1.2,
-            label="fitted",
-        )
+        axes.plot(x[order], learned[order], color=BLUE, linewidth=1.2, label="fitted")
     axes.locator_params("x", steps=[1, 2, 5, 10])  # numbers such as −0.75 touch
     # Three entries are as wide as the picture.
     legend_above(axes, ncols=3, columnspacing=0.7, handletextpad=0.3, handlelength=1.0)
     label_axes(axes, *labels, title)
     return figure
+
+
+def _is_rough(y: Array) -> bool:
+    """Return whether most neighbours of a sequence differ as any two of its values do."""
+    return bool(np.median(np.diff(y) ** 2) > 0.05 * np.var(y))
 
 
 @drawn

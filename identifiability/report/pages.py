@@ -32,7 +32,7 @@ from identifiability.robot.kinematics import Point
 
 from .answers.common import NAMED, capital, hint_note, sentence, words
 from .answers.compare import list_loaded
-from .answers.diagnose import table_fitted
+from .answers.diagnose import shorten_title, table_fitted
 from .answers.predict import moves_worse
 from .answers.tables import make_table, unit_cell
 from .blocks import (
@@ -159,6 +159,8 @@ def _at_body(robot: Robot, body: str, centre: Array) -> Point:
 def comparison_sections(result: Comparison) -> list[Section | None]:
     """Return the sections of the page."""
     *changed, limits = result.tables()
+    if changed[1:] and len(changed[0].rows) == 1:  # the answer has that row
+        del changed[0]
     course = _sessions(result)
     bodies = list_loaded(result)
     frame = sentence("comparison.how", "frame", bodies=bodies) if bodies else ""
@@ -220,8 +222,8 @@ def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
     """Return the sections of the page."""
     bending = None if d.bending is None or not d.bending.joints else _section_bending(d.bending)
     return [
-        _section_fitted(d),
         section_effects(d),
+        _section_fitted(d),
         _section_gap(d),
         None if d.forward is None else section_forward(d.forward, d.robot.joints),
         bending,
@@ -259,8 +261,8 @@ def section_effects(d: Diagnosis) -> Section | None:
 def _curves(d: Diagnosis, most: int) -> list[Picture]:
     """Return the learned curves of some effects, against the data."""
     pictures = []
-    for c in d.curves[:most]:  # a function needs not say that it has no name
-        title = f"{c.title.removeprefix('an unnamed ')}, {d.robot.joints[c.joint]}"
+    for c in d.curves[:most]:
+        title = f"{capital(shorten_title(c.title))}, {d.robot.joints[c.joint]}"
         figure = draw_curve(
             c.x,
             c.learned,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 from pydantic import RootModel
 
@@ -160,6 +160,7 @@ def page_environment(*, forces: bool = False) -> Environment:
         undefined=StrictUndefined,
     )
     environment.filters["symbols"] = _set_forces if forces else set_symbols
+    environment.filters["breakable"] = break_names
     known = (kind_of, mark_of, words_of, sort_key, pieces_of)
     environment.globals |= {function.__name__: function for function in known}
     return environment
@@ -200,6 +201,19 @@ def set_symbols(text: str) -> Markup:
     escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
     escaped = re.sub(r"≠ file −?[\d.]+", r"<b>\g<0></b>", escaped)
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))
+
+
+def break_names(text: str) -> Markup:
+    """Let long names break after an underscore or a dot.
+
+    Examples
+    --------
+    >>> print(break_names("shoulder_pan_joint.Fc of arm_1"))
+    shoulder_<wbr>pan_<wbr>joint.<wbr>Fc of arm_1
+    """
+    words = re.split(r"(\w{15,}(?:\.\w+)?)", escape(text))
+    words[1::2] = [re.sub(r"([_.])", r"\1<wbr>", name) for name in words[1::2]]
+    return Markup("".join(words))
 
 
 def pieces_of(line: str) -> list[str]:
@@ -253,7 +267,7 @@ def build_page(result: Result) -> Page:
     done = [_table_section("ledger", table) for table in result.ledger()]
     sections = [*filter(None, _of_page(result, "sections", tables)), *done]
     # The values that a reader came for are on the first screen.
-    values = [x for x in sections[:1] if _is_made_of(x, "table", "fold")]
+    values = [x for x in sections[:1] if _is_made_of(x, "table", "fold", "gallery")]
     statement = "" if shown.answers else result.statement
     if notes:  # below the answers, at the drawing's left
         shown = replace(shown, notes=(Notes(notes),))

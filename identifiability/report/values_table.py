@@ -98,14 +98,15 @@ def _state_file(stated: float, sigma: float) -> str:
     return max(short, exact.rstrip("0").rstrip(".") if "." in exact else short, key=len)
 
 
-def _find_part(verdict: Verdict) -> str:
-    """Return which words the file's value gets: "unstated", "other" if the interval excludes it."""
+def _name_file(verdict: Verdict) -> str:
+    """Return the file's value in words, marked if the interval excludes it; none if unstated."""
     file = verdict.nominal
     if not file:
-        return "unstated"
+        return ""
     low, high = verdict.interval95
     known = verdict.verdict is not Class.NOT_IDENTIFIABLE
-    return "other" if known and (file < low or file > high) else "file"
+    part = "other" if known and (file < low or file > high) else "file"
+    return sentence("values", part, value=_state_file(file, verdict.sigma_label))
 
 
 class _ModelRows:
@@ -131,12 +132,12 @@ class _ModelRows:
             return Cell("–", np.nan, self._explain_absence(name))
         verdict, used, why = self.known[name]
         sigma = verdict.sigma_label
-        file = sentence("values", _find_part(verdict), value=_state_file(verdict.nominal, sigma))
+        file = _name_file(verdict)
         word = self._explain_doubt(verdict) or verdict.word
         usage = stated_text(used, sigma)
         if why:  # predictions, files and other pages have this number
             word = sentence("values", "exported", word=word, value=usage)
-        note = f"{word}; {file}"
+        note = "; ".join(filter(None, (word, file)))
         more = sentence("values", "used", value=usage, why=why) if why else ""
         low, high = verdict.interval95
         value = measured(verdict.value, sigma, verdict.unit)

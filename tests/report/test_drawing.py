@@ -72,6 +72,13 @@ def test_every_axis_has_a_label_with_a_unit():
             assert named_rows or axes.get_ylabel().endswith("]")
 
 
+def test_torque_that_is_no_curve_of_its_motion_is_drawn_over_the_fitted_torque():
+    x, learned = np.random.default_rng(0).normal(size=(2, 200))
+    labels = ("velocity [rad/s]", "torque [N·m]")
+    drawn = [figures.draw_curve(x, y, 0 * x, y, "a", labels) for y in (learned, np.sign(x))]
+    assert [f.axes[0].get_xlabel() for f in drawn] == ["fitted torque [N·m]", labels[0]]
+
+
 def test_thin_lines_keep_their_peaks():
     y = np.sin(np.arange(10_000.0) / 900)
     y[[1234, 8765]] = 40, -40

@@ -355,7 +355,8 @@ class PredictingPresenter(AnsweringPresenter):
         some = names and self.errors()[0] <= RULES.grades[-1]
         uses = sentence("decision.uses", "but" if some else grade, names=names)
         if TONES[grade] != "vermilion" and self.reserved():
-            uses = sentence("quality", "reserved", uses=uses)
+            doubt = "warning" if self.result.warnings else "doubt"
+            uses = sentence("quality", "reserved", uses=uses, doubt=doubt)
         return capital(uses)
 
     def state_limit(self) -> str:

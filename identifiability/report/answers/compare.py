@@ -365,7 +365,9 @@ def _change_rows(change: Change) -> Iterator[tuple[object, ...]]:
 
 
 def _load_rows(change: Change) -> Iterator[tuple[str, str]]:
-    """Yield the coordinates of the centre of a load that changed, then its moments about it."""
+    """Yield mass, centre and moments of a load that changed; unknown ones share a row."""
+    yield "mass", _state_number(change, 0)[2]
+    lost = []
     unknown = sentence("comparison.seen", "unknown")
     for quantity, x, sd in [*zip(QUANTITIES, *change.body, strict=True)][1:]:
         high = x + REACH * sd
@@ -377,7 +379,12 @@ def _load_rows(change: Change) -> Iterator[tuple[str, str]]:
             size = sentence("payload.tables", "below", high=high, unit=QUANTITIES[quantity])
         else:
             size = unknown
-        yield quantity, size
+        if size == unknown:
+            lost.append(quantity)
+        else:
+            yield quantity, size
+    if lost:
+        yield ", ".join(lost), unknown
 
 
 def _is_felt(change: Change) -> bool:

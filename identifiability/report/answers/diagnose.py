@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -388,7 +389,9 @@ def _state_untried(d: Diagnosis) -> str:
 
 def _state_effect(d: Diagnosis, e: NamedEffect) -> str:
     """Return the name of an effect with its size and probability, then its alternatives."""
-    first, *others = _likeliest(e)
+    first, *others = list_names(e)
+    if len(others) > 1:  # a caveat names them
+        others = [sentence("diagnosis.missing", "others", count=len(others))]
     share = e.weight if others else 1.0
     shares = np.array([share, 1.0 - share])[: 1 + bool(others)]
     sure = [state_probability(x) for x in logit(shares * expit(e.odds)) if np.isfinite(e.odds)]
@@ -499,9 +502,11 @@ def _answer_gap(d: Diagnosis) -> Answer:
     every = len(d.completed.base)
     if len(reduction) < every:
         more = sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
-    tone = "amber" if d.interval[1] >= 0 or moves_worse(d.moved) else "green"
+    unsure = d.interval[1] >= 0
+    tone = "amber" if unsure or moves_worse(d.moved) else "green"
+    part = "unsure" if unsure and interval else "falls"
     errors: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
-    told = answer(about, "falls", text, tone, count=d.effects, interval=interval, **errors)
+    told = answer(about, part, text, tone, count=d.effects, interval=interval, **errors)
     return replace(told, more=more)
 
 
@@ -580,8 +585,12 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
             rivals = [
                 title_of(r.family) if r.place == p.place else name_place(*r) for r in p.rivals
             ]
-            note = equation if p is e.placements[0] else ""
-            name = Cell(" or ".join([here, *rivals]), note=note)
+            if p is not e.placements[0]:
+                equation, here = "", shorten_title(here)
+            others = " or ".join(["", *rivals]).lstrip()
+            small = others if len(rivals) > 1 else ""
+            note = "; ".join(filter(None, (equation, small)))
+            name = Cell(here if small else f"{here} {others}".rstrip(), note=note)
             added = unit_cell(p.peak, p.torque_unit)
             named = name if p.sure else sentence("diagnosis.missing", "unsure")
             shape = _state_shape(d, e.name, p)
@@ -594,8 +603,20 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
                 far = np.isfinite(p.shape) and _is_far(value, error, p.peak)
                 limit = sentence("diagnosis.missing", "limit") if far else ""
                 note = "; ".join(filter(None, (shape, limit)))
-                size = Cell(measured(value, error, unit), value, note=note)
+                symbol = parameter.rpartition(".")[2]
+                size = Cell(f"{symbol} = {measured(value, error, unit)}", value, note=note)
                 yield named, parameter, size, p.odds, p.unseen, added
+
+
+def shorten_title(title: str) -> str:
+    """Return the title of an effect without its article and what brackets explain.
+
+    Examples
+    --------
+    >>> shorten_title("an error of clocks (torque stamped before its motion)")
+    'error of clocks'
+    """
+    return re.sub(r"^an? (unnamed )?| \([^)]*\)", "", title)
 
 
 def _list_fitted(d: Diagnosis) -> dict[str, tuple[float, float, str]]:
@@ -639,10 +660,15 @@ def _fitted_cell(
     """Return a value with its standard error, its value without the effects, and the file's."""
     if fitted is None:
         return Cell(NONE)
-    stated = sentence("values", "file" if file else "unstated", value=stated_text(file or 0.0))
+    value, sigma, _ = fitted
+    notes = []
     if plain is not None:
-        stated = sentence("values", "plain", value=stated_text(plain, fitted[1]), stated=stated)
-    return Cell(measured(*fitted), fitted[0], stated)
+        before = stated_text(plain, sigma)
+        notes.append(sentence("values", "plain", value=before))
+    if file:
+        stated = stated_text(file)
+        notes.append(sentence("values", "file", value=stated))
+    return Cell(measured(*fitted), value, "; ".join(notes))
 
 
 def _state_shape(d: Diagnosis, family: str, p: Placement) -> str:

@@ -20,7 +20,8 @@ function drawTraces(figure) {
     const strokes = [colour("--muted"), colour("--blue"), colour("--purple"), colour("--sky"), colour("--green")];
     const named = { residual: "--vermilion", command: "--ink", "fitted model": "--purple" };
     const paint = (name, k) => (named[name] ? colour(named[name]) : strokes[k]);
-    const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
+    const ticked = (u, ticks) => ticks.map((x) => Number(x.toPrecision(7)).toString().replace("-", "\u2212"));
+    const axis = { values: ticked, stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
     // What was measured lies wide and pale below what follows it.
     const faint = (k) => k === 0 && data.names[0] === "measured" && data.names.length > 1;
     const limit = (name) => name.endsWith(" allowed") || name.startsWith("95 %");
