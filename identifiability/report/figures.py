@@ -314,7 +314,7 @@ def label_axes(axes: Axes, x: str, y: str, title: str = "") -> None:
     axes.set_ylabel(y)
     if title:
         axes.set_title(
-            for_svg(title, 48),
+            for_svg(title, 44),
             loc="left",
             x=-0.15,  # above the label of the axis, so that a long one has room
             pad=26,
@@ -510,6 +510,10 @@ def draw_curve(
         label = "95 %" if 2 * REACH * np.mean(spread) > 0.02 * np.ptp(data) else None
         axes.fill_between(x[order], low, high, color=BLUE, alpha=0.2, linewidth=0, label=label)
         axes.plot(x[order], learned[order], color=BLUE, linewidth=1.2, label="fitted")
+    seen = np.nan_to_num([data, learned], posinf=0.0, neginf=0.0)
+    margin = 0.1 * np.ptp(seen)
+    if margin > 0:  # a wide interval does not hide the data
+        axes.set_ylim(seen.min() - margin, seen.max() + margin)
     axes.locator_params("x", steps=[1, 2, 5, 10])  # numbers such as −0.75 touch
     # Three entries are as wide as the picture.
     legend_above(axes, ncols=3, columnspacing=0.7, handletextpad=0.3, handlelength=1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from identifiability.effects import FAMILIES, title_of
 from identifiability.effects.effect import EXPONENT
@@ -26,8 +27,12 @@ def answer_profiles(
         zero, even if one of them may be.
     """
     said = list[str]()
+    further = list[str]()
     for curve in profiles:
         misread = curve.number.name.endswith((".lead", ".delay"))
+        if misread and said:  # one shows the order of size
+            further.append(state_region(curve, limits=not shown))
+            continue
         said.append(state_region(curve, limits=not (shown and misread)))
         lower, upper = curve.region
         stated = shapes.get(curve.number.name, lower)
@@ -39,7 +44,8 @@ def answer_profiles(
             best = f"{family}@{place}:{curve.best:.3g}{more}"
             holes = {"stated": rounded, "unit": curve.number.unit, "best": best}
             said.append(sentence("analysis.bounds", "excluded", **holes))
-    return answer("analysis.bounds", "found", regions=" ".join(said))
+    found = answer("analysis.bounds", "found", regions=" ".join(said))
+    return replace(found, more=" ".join(further))
 
 
 def is_width(curve: Profile) -> bool:
