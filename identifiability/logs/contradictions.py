@@ -255,9 +255,9 @@ def _find_lag(left: Array, rate: Array, step: float, noise: float) -> tuple[floa
     """Return the lag of a rate (N,) [s] that its integral leaves unexplained; 0 if it is harmless.
 
     An integral that lags by d misses d times the rate. A lag counts if it is certainly longer than
-    that of a backward difference, half a step, and spoils the rate more than noise spoils a
-    derivative of the samples. The second value says whether moving the rate by its lag is better
-    than this derivative: a low-pass or a delay then spoils it by a term of second order.
+    that of a backward difference, half a step, and moving the rate or a derivative of the samples
+    is better. A low-pass or a delay spoils a moved rate by a term of second order, and noise spoils
+    a derivative. The second value says whether the moved rate is the best of the three.
     """
     square = float(rate @ rate)
     if not square > 0:
@@ -276,8 +276,8 @@ def _find_lag(left: Array, rate: Array, step: float, noise: float) -> tuple[floa
     # A derivative up to the cut-off f has the variance ∫ (2πf)² 2 step df of white noise.
     cutoff = RULES.cutoff_highest / step
     derived = noise * 2 * np.pi * cutoff * np.sqrt(2 * cutoff * step / 3)
-    if not spoilt > derived**2:
-        return 0.0, False
     bends = changes[samples:] - changes[:-samples]
     distorted = (np.mean(bends**2) - 6 * variance) / 4
+    if not spoilt > min(distorted, derived**2):
+        return 0.0, False
     return lag, bool(distorted < derived**2)

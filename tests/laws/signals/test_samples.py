@@ -217,6 +217,16 @@ def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
     assert one.text.startswith("'shoulder.ddq' contradicts 'shoulder.dq' (its integral")
 
 
+def test_a_certain_lag_below_the_noise_of_a_derivative_is_moved(rng):
+    """A driver at 1 kHz low-passes velocities: a clock error or inertia would explain the lag."""
+    t = 1e-3 * np.arange(8000)
+    q = wave(t)[0]
+    noisy = q + 2e-4 * rng.standard_normal(q.shape)
+    found = contradictions(log_of(t, q=noisy, dq=wave(t - 2.2e-3)[1], ddq=None))
+    assert_allclose([c.lag for c in found], 2 * [2.2e-3], rtol=0.2)
+    assert all(c.movable for c in found)
+
+
 @pytest.mark.parametrize(
     "joint, unit, factor, kind",
     [
