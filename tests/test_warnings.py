@@ -182,9 +182,6 @@ def test_a_joint_that_errs_little_is_not_warned_of_however_little_the_others_err
     assert not state_uneven_log("abc", np.array([0.09, 0.2, 0.05]), alike)
     # The same error in N·m, on a log of slow motion.
     assert not state_uneven_log("abc", errors, 1 / errors)
-
-
-def test_several_logs_that_err_more_are_named_although_the_fit_leans_to_them():
     # Three of eleven held an object; the others are as a fit to all leaves them.
     usual = [0.10, 0.10, 0.12, 0.08, 0.10, 0.08, 0.06, 0.10]
     errors = np.array([*usual, 0.28, 0.25, 0.23])

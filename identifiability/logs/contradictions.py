@@ -92,8 +92,9 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
             joint = windows[0].joints[odd[0]]
             low, high = robot.limits[odd[0]]
             stated = '"*"' if most else toml_key(joint)
-            normalised = windows[0].commanded and is_odd is looks_like_degrees
-            shares = _shares_of_range(joint, [*columns.values()], low, high) if normalised else ""
+            shares = ""
+            if windows[0].commanded and is_odd is looks_like_degrees:
+                shares = _shares_of_range(joint, [*columns.values()], low, high)
             raise LogError(
                 f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "
                 f"{low:.4g} … {high:.4g} rad: it {why} state the scale of ticks or normalised "

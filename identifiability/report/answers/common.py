@@ -468,8 +468,7 @@ def state_uneven_log(
     commanded : bool
         Whether the torque comes from commands.
     """
-    worst_first = np.argsort(-each)
-    order = worst_first[np.isfinite(each[worst_first])]
+    order = np.argsort(-each)[: np.count_nonzero(np.isfinite(each))]  # the worst first
     sizes = each * variations
     found = []
     for count in range(1, len(order) // 3 + 1):

@@ -204,7 +204,7 @@ def test_motion_is_compared_where_it_stands_out_four_times_from_single_samples(s
     assert remarks(q=noisy, dq=turned, ddq=None) == ["shoulder.dq", "elbow.dq"] * compared
 
 
-def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
+def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict(rng):
     _, dq, ddq = wave(T)
     assert remarks(dq=dq[:, ::-1]) == ["shoulder.dq", "elbow.dq", "shoulder.ddq", "elbow.ddq"]
     # 2π·.8 · .1 = .50 rad: sin² .50 = .23 of the variance is not explained
@@ -215,10 +215,7 @@ def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
     assert remarks(dq=wave(T - 0.005)[1], ddq=None) == []  # backward differences
     (one,) = contradictions(log_of(T, ddq=ddq * [0.0, 1.0] + [1e-3, 0.0]))
     assert one.text.startswith("'shoulder.ddq' contradicts 'shoulder.dq' (its integral")
-
-
-def test_a_certain_lag_below_the_noise_of_a_derivative_is_moved(rng):
-    """A driver at 1 kHz low-passes velocities: a clock error or inertia would explain the lag."""
+    # A driver at 1 kHz low-passes velocities; noise spoils a derivative more than this lag does.
     t = 1e-3 * np.arange(8000)
     q = wave(t)[0]
     noisy = q + 2e-4 * rng.standard_normal(q.shape)
