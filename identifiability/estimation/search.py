@@ -99,6 +99,11 @@ class Judged:
         """Family and place of each term."""
         return {t.key for t in self.terms}
 
+    @cached_property
+    def further(self) -> dict[tuple[str, str], float]:
+        """Log odds of all other groups in addition to the terms, by key."""
+        return {t.key: t.odds for t in self.search.model.gains(self.terms)}
+
 
 def name_terms(search: Search) -> Judged:
     """Return the missing effects, found on fitted rows and not refuted by unseen rows.
@@ -206,14 +211,23 @@ def _find_improbable(judged: Judged) -> Iterator[tuple[int, Term]]:
 def list_alternatives(judged: Judged, k: int) -> tuple[float, Terms]:
     """Return the log odds of a term, and other names for it, the likeliest first.
 
-    Names that were tried in place of a term are left out.
+    Names that were tried in place of a term are left out. A name at another place explains of the
+    term only the log odds that it loses by the term: the rest is another effect.
     """
     search = judged.search
     term = judged.terms[k]
     rest = without(judged.terms, k)
     odds = max(term.odds, _odds_of_parts(search, rest, term.group))
-    others = (t for t in search.model.gains(rest) if t.key not in judged.tried)
-    return odds, tuple(t for t in others if _may_rival(t.group, term.group))
+    others = list[Term]()
+    for t in search.model.gains(rest):
+        if t.key in judged.tried or not _may_rival(t.group, term.group):
+            continue
+        if t.group.place != term.group.place:
+            further = max(judged.further.get(t.key, 0.0), 0.0)
+            t = replace(t, odds=t.odds - further)  # noqa: PLW2901 - the same
+        others.append(t)
+    others.sort(key=lambda t: -t.odds)
+    return odds, tuple(others)
 
 
 def find_rivals(judged: Judged, k: int) -> Terms:

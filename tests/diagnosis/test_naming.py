@@ -160,6 +160,18 @@ def test_a_name_that_is_far_less_probable_than_another_is_replaced(logs_of, name
     assert not named(find("two-link", logs))
 
 
+def test_an_effect_of_another_joint_is_no_other_name(logs_of, named, monkeypatch):
+    def stop_early(model):
+        return model.update_terms(tuple(Term(g) for g in model.groups if g.key == asked))
+
+    asked = "quadratic_friction", "shoulder"
+    monkeypatch.setattr(MixedModel, "search", stop_early)
+    logs = logs_of("two-link", "quadratic_friction@shoulder=0.05", "joint_stiffness@elbow=0.5")
+    d = find("two-link", logs, effects=("quadratic_friction", "joint_stiffness"))
+    assert named(d) == [("quadratic_friction", ("shoulder",))]
+    assert not d.effects[0].placements[0].rivals
+
+
 def test_friction_of_some_passive_joints_keeps_all_in_the_model_and_none_below_zero(diagnosis_of):
     few = ("passive_joint_friction", "torque_offset")
     (found,) = diagnosis_of("3-rps", "passive_joint_friction=0.012", effects=few).effects
