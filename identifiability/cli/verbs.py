@@ -482,9 +482,9 @@ def simulate(
     missing = left_out(robot)
     if missing:
         echo(
-            f"The log lacks the torque of {listing(missing, 6)}, which the sidecar states: "
-            "`simulate` leaves such effects out. `predict` has them, with the result that fitted "
-            "them."
+            f"The log lacks the torque of {listing(missing, 6, things='parameters')}, which the "
+            "sidecar states: `simulate` leaves such effects out. `predict` has them, with the "
+            "result that fitted them."
         )
     if robot.springs:
         echo(

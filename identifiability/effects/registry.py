@@ -109,7 +109,7 @@ def find_family(name: str) -> Family:
             ) from None
         raise ModelError(
             f"There is no effect '{name}'{near_match(name, FAMILIES)} "
-            f"The effects are {listing(FAMILIES, 30)}."
+            f"The effects are {listing(FAMILIES, 30, things='effects')}."
         ) from None
 
 

@@ -94,10 +94,29 @@ def with_article(noun: str) -> str:
     return f"{'an' if noun[:1] in 'aeiouAEIOU' else 'a'} {noun}"
 
 
-def listing(names: Iterable[str], most: int = 12, between: str = ", ") -> str:
-    """Return the names as ``a, b, c``; beyond `most`, state the number of omitted names."""
+#: Things that sentences list, in the plural and in the singular.
+THINGS = {
+    **{f"{noun}s": noun for noun in ("joint", "effect", "log", "column", "motor", "parameter")},
+    **{"bodies": "body", "topics": "topic", "legs": "leg", "variables": "variable"},
+}
+
+
+def count_more(count: int, things: str = "") -> str:
+    """Return ``and 2 more joints``: how many, of which things, a list leaves out."""
+    noun = THINGS.get(things, "") if count == 1 else things
+    return f"and {count} more {noun}".rstrip()
+
+
+def listing(names: Iterable[str], most: int = 12, between: str = ", ", *, things: str = "") -> str:
+    """Return the names as ``a, b, c``; beyond `most`, state the number of omitted things.
+
+    Example
+    -------
+    >>> listing(["hip", "knee", "ankle"], 2, things="joints")
+    'hip, knee and 1 more joint'
+    """
     names = list(names)
     text = between.join(names[:most])
     if len(names) <= most:
         return text
-    return f"{text} and {len(names) - most} more"
+    return f"{text} {count_more(len(names) - most, things)}"

@@ -14,7 +14,7 @@ from pathlib import Path
 from string import Formatter
 from typing import TYPE_CHECKING, Any
 
-from .errors import listing
+from .errors import THINGS, listing
 from .values import Json
 
 if TYPE_CHECKING:
@@ -36,8 +36,15 @@ class _Filler(Formatter):
     ``{names}`` lists at most four names, ``{names:9}`` at most nine. ``{names:and}`` and
     ``{names:and 3}`` join them by "and". ``{n:one|many}`` goes by a number, or the length of a
     list; ``{n:# sample}`` counts. ``{x:3%}`` is a share in percent with three digits,
-    ``{x:padded%}`` one that keeps its zeros, and ``{x:#3}`` a number with three digits.
+    ``{x:padded%}`` one that keeps its zeros, and ``{x:#3}`` a number with three digits. A list that
+    is called by its `THINGS`, such as ``{joints}``, counts them where it leaves some out.
     """
+
+    things = ""
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
+        self.things = field_name if field_name in THINGS else ""
+        return super().get_field(field_name, args, kwargs)
 
     def format_field(self, value: Any, format_spec: str) -> str:
         many = isinstance(value, (list, tuple))
@@ -48,13 +55,13 @@ class _Filler(Formatter):
             return others
         if not (format_spec.startswith(("and", "#")) or format_spec.endswith("%")):
             if many:
-                return listing(value, int(format_spec or 4))
+                return listing(value, int(format_spec or 4), things=self.things)
             return format(value, format_spec)
         from . import rounding  # noqa: PLC0415 - SciPy
 
         head, _, noun = format_spec.partition(" ")
         if head == "and":
-            return rounding.join(list(value), int(noun or 6))
+            return rounding.join(list(value), int(noun or 6), self.things)
         if head == "#":
             return rounding.format_count(len(value) if many else value, noun)
         if head.startswith("#"):

@@ -11,6 +11,7 @@ from functools import partial
 
 from scipy.special import betaincinv, expit
 
+from .errors import count_more
 from .names import Array, Strings
 from .values import frozen
 
@@ -200,10 +201,11 @@ def format_count(count: int, noun: str) -> str:
     return f"{digits} {counted}"
 
 
-def join(names: list[str] | Strings, most: int = 6) -> str:
-    """Return ``a, b and c``, or the first few and how many more."""
+def join(names: list[str] | Strings, most: int = 6, things: str = "") -> str:
+    """Return ``a, b and c``, or the first few and how many more things."""
     if len(names) > most:
-        return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"
+        more = count_more(len(names) - most + 1, things)
+        return f"{', '.join(names[: most - 1])} {more}"
     if len(names) < 2:
         return "".join(names)
     first = ", ".join(names[:-1])

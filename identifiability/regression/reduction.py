@@ -477,7 +477,7 @@ def _find_columns(
             reason = f": {absence}" if absence else near_match(name, submodel.columns)
             raise ModelError(
                 f"The model '{where}' names the parameter '{name}', which is not there{reason} "
-                f"It has {listing(submodel.columns)}."
+                f"It has {listing(submodel.columns, things='parameters')}."
             )
     return [*found]
 

@@ -379,7 +379,7 @@ def _chosen(names: Sequence[str], hidden: Hidden, robot: Robot) -> list[int]:
         if joint not in names:
             raise IdentifiabilityError(
                 f"{hidden.name} cannot be hidden in '{joint}' of {robot.name}"
-                f"{near_match(joint, names)} It can be in {listing(names)}."
+                f"{near_match(joint, names)} It can be in {listing(names, things='joints')}."
             )
     return [k for k, name in enumerate(names) if not hidden.joints or name in hidden.joints]
 

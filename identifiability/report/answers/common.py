@@ -659,7 +659,7 @@ def _state_both(submodel: Submodel, base: BaseParameters, k: int, both: Sequence
     terms = dict.fromkeys(p.name for row in rows for _, p in base.terms(row))
     members = [term for term in terms if term != name]
     if members:
-        name += f" (combined with {listing(members, 1)})"
+        name += f" (combined with {listing(members, 1, things='parameters')})"
     return f"{name} = {file} {submodel.units[k]} in the file, {logs} by the logs"
 
 

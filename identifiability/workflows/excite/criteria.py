@@ -301,7 +301,7 @@ def _find_parameters(base: BaseParameters, names: Sequence[str] | None) -> np.nd
         if not named:
             raise ModelError(
                 f"'{text}' is no base parameter{near_match(text, members)} "
-                f"The base parameters are {listing(members)}."
+                f"The base parameters are {listing(members, things='parameters')}."
             )
         found += named
     return np.array([members.index(name) for name in dict.fromkeys(found)], int)

@@ -472,7 +472,8 @@ def _state_lacking(
         Of the file.
     """
     lacking = _list_lacking(robot, content, given, kind)
-    effects = [f"{effect} ({listing(names, 4)})" for effect, names in lacking.items()]
+    few = {e: listing(names, 4, things="parameters") for e, names in lacking.items()}
+    effects = [f"{effect} ({names})" for effect, names in few.items()]
     lost = values_not_in_file(robot, given, kind)
     if not lost:
         return phrase("exported", "misread", file=name, effects=effects) if effects else ""
