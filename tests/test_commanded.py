@@ -49,7 +49,7 @@ from identifiability.servos import (
     state_standing,
 )
 from identifiability.servos.descent import BEGUN, descend
-from identifiability.servos.fit import compare_bodies, divide_gains, leave_bounds
+from identifiability.servos.fit import compare_bodies, leave_bounds
 from identifiability.servos.odd_joints import Screening
 from identifiability.servos.rollouts import are_contradicted
 from identifiability.servos.windows import cut_windows
@@ -228,13 +228,13 @@ def test_irregular_commands_and_gains_all_too_high_are_said(arm, key, spoilt, fa
 
 
 def test_limits_tell_the_factor_of_gains_that_are_all_too_high(arm):
-    limits = np.array([250.0, 80.0])
+    limits = np.array([130.0, 35.0])
     servo = replace(arm.servo, low=-limits, high=limits)
     rng, how = default_rng(6), servos.Recorder(100.0, 25.0)
-    log = read(arm, draw(arm, 8.0, 0.35, how, rng, TRUTH, servo))
-    robot = replace(arm, servo=servo.divided(1 / 1.4))
-    _, factor = divide_gains(fit_rollouts(robot, [log], file_shares(arm)))
-    assert factor == pytest.approx(1.4, rel=0.05)  # 1.25 by bodies alone
+    frame = draw(arm, 8.0, 0.35, how, rng, TRUTH, servo)
+    result = analyze(replace(arm, servo=servo.divided(1 / 1.25)), frame, quick=True)
+    assert [h.key for h in result.hints if h.key in ("odd_joint", "gains_scale")] == ["gains_scale"]
+    assert_allclose(result.robot.servo.kp, arm.servo.kp, rtol=0.05)
 
 
 ODD = (("play", 0.03), ("gain", 4.0), ("limit", 30.0), ("integral", 2.0), ("weak", 0.7), ("", 0.0))

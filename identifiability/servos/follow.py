@@ -31,7 +31,14 @@ from identifiability.simulation.rollout import CommandedRobot
 from .arrivals import leave_out_irregular, move_commands
 from .calibration import calibrate_torque, fit_delay, prepare_recording
 from .contacts import fit_unblocked, move_by_rollouts, set_aside_blocked, state_blocked
-from .fit import approach_rollouts, compare_bodies, divide_gains, refit_rollouts, share_turns
+from .fit import (
+    approach_rollouts,
+    compare_bodies,
+    divide_gains,
+    reach_limits,
+    refit_rollouts,
+    share_turns,
+)
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints, state_held_out_limits, weigh_delays
 from .rollouts import Rollouts, are_contradicted
@@ -232,21 +239,46 @@ def identify_servos(
     """
     assert robot.servo is not None
     servo = robot.servo
+    stated = robot
+    is_scaled = bool(servo.rolled or servo.kept)
+    scale: tuple[Finding, ...] = ()
+    if not is_scaled:
+        found, servo, scale = scale_by_limits(servo, found)
+        robot = replace(robot, servo=servo)
     checking = share_turns(say, 0.4, 0.55, "checking each joint")
-    odd, better, ambiguous = find_odd_joints(robot, found, checking)
+    odd, better, ambiguous = find_odd_joints(stated, found, checking)
     rivals = [servo] if ambiguous else []
     if better is not found:
         found = better
-        servo = with_numbers(servo, better)
+        servo = _add_doubts(with_numbers(servo, better), servo.doubt)
     robot = replace(robot, servo=servo)
     text = filter(None, [check_found(robot, logs, found), state_servos(robot, logs, found)])
     # Gains that logs determined have the scale of the file's bodies already.
-    scale: tuple[Finding, ...] = ()
-    if not (servo.rolled or servo.kept):
+    if not (is_scaled or scale):
         found, servo, scale = scale_servos(servo, found)
         robot = replace(robot, servo=servo)
     rivals += servo.doubted
     return IdentifiedServos(robot, found, tuple(rivals), (*odd, *scale), " ".join(text))
+
+
+def scale_by_limits(servo: Servo, found: Rollouts) -> tuple[Rollouts, Servo, tuple[Finding, ...]]:
+    """Return rollouts and servos with a scale that limits of torque determine, and a finding.
+
+    Servos with too large gains reach their limits where the machine does not. So their joints err,
+    and no other gain of a single joint explains that. Nothing changes unless a scale with which
+    bodies are nearer to the file's halves the squared errors of these joints.
+    """
+    problem = found.search[0]
+    exceeds = problem.exceeds(found.errors)
+    late = float(found.delays.mean())
+    erring = exceeds & reach_limits(servo.having(found.numbers), problem.logs, late)
+    if not erring.any():
+        return found, servo, ()
+    divided = divide_gains(found)
+    squares = [np.sum(x.errors[exceeds] ** 2) for x in (found, divided[0])]
+    if squares[1] > 0.5 * squares[0]:
+        return found, servo, ()
+    return _divide_servos(servo, *divided, compare_bodies(found)[2], by_limits=True)
 
 
 def scale_servos(servo: Servo, found: Rollouts) -> tuple[Rollouts, Servo, tuple[Finding, ...]]:
@@ -256,25 +288,45 @@ def scale_servos(servo: Servo, found: Rollouts) -> tuple[Rollouts, Servo, tuple[
     common scale is in doubt by as much, but by no more than the bodies determine it.
     """
     larger, chance, error = compare_bodies(found)
-    divides = abs(larger) > chance
-    factor = float(np.exp(larger))
-    source = servo.source
-    if divides:
-        found, factor = divide_gains(found)
-        servo = with_numbers(servo.divided(factor), found)
+    if abs(larger) > chance:
+        return _divide_servos(servo, *divide_gains(found), error)
+    # Whether kv is as wrong as kp is unknown: viscous friction replaces it.
+    by_gains = np.concatenate([servo.integral, servo.kv * (servo.kp == 0), np.ones(len(servo.kp))])
+    servo = _add_doubts(servo, min(error, abs(larger)) * by_gains)
+    if abs(larger) <= error:
+        return found, servo, ()
+    said = Finding("gains_or_bodies", servo.source, factor=float(np.exp(larger)))
+    return found, servo, (said,)
+
+
+def _divide_servos(
+    servo: Servo, found: Rollouts, factor: float, error: float, by_limits: bool = False
+) -> tuple[Rollouts, Servo, tuple[Finding, ...]]:
+    """Return rollouts with divided gains, their servos with the error of this scale, a finding.
+
+    Parameters
+    ----------
+    servo : Servo
+        With the stated gains.
+    found : Rollouts
+        With the divided ones.
+    factor, error : float
+        By which gains are divided, and its relative standard error.
+    by_limits : bool
+        Whether limits of torque tell the factor.
+    """
+    said = Finding("gains_scale", servo.source, factor=factor, limits=by_limits)
+    servo = with_numbers(servo.divided(factor), found)
+    by_all = np.concatenate([servo.integral, servo.kv, np.ones(len(servo.kp))])
     # Whether kv is as wrong as kp is unknown: viscous friction replaces it.
     by_kv = np.concatenate([0.0 * servo.integral, servo.kv * (servo.kp > 0), 0.0 * servo.kp])
-    by_all = np.concatenate([servo.integral, servo.kv, np.ones(len(servo.kp))])
-    if divides:
-        doubts = [error * by_all, (factor - 1.0) * by_kv]
-    else:
-        doubts = [min(error, abs(larger)) * (by_all - by_kv)]
-    doubt = np.vstack([servo.doubt.reshape(-1, len(by_all)), *doubts])
-    servo = replace(servo, doubt=doubt[doubt.any(axis=1)])
-    if not divides and abs(larger) <= error:
-        return found, servo, ()
-    said = Finding("gains_scale" if divides else "gains_or_bodies", source, factor=factor)
-    return found, servo, (said,)
+    return found, _add_doubts(servo, error * by_all, (factor - 1.0) * by_kv), (said,)
+
+
+def _add_doubts(servo: Servo, *doubts: Array) -> Servo:
+    """Return servos with further independent errors of their gains, (g, 3 n) or (3 n,) each."""
+    doubt = np.vstack([x.reshape(-1, 3 * len(servo.kp)) for x in (servo.doubt, *doubts)])
+    return replace(servo, doubt=doubt[doubt.any(axis=1)])
 
 
 def _calibrate(

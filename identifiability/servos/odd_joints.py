@@ -128,7 +128,7 @@ def _explain_trees(
 
     A gain that is far off hides others that are less so: they are looked for once it is used.
     """
-    erring = np.unique(problem.trees[_exceed(problem, errors)])
+    erring = np.unique(problem.trees[problem.exceeds(errors)])
     # Where errors are those of recording, no more than a wrong gain can show.
     screening = _screen(problem, end, gains_alone=not len(erring))
     kinds = set[str]()
@@ -141,7 +141,7 @@ def _explain_trees(
             kinds.add(kind)
             end = end if kind == "play" else best[0].end
     errors = problem.errors(end.q)
-    if kinds == {"kp"} and _exceed(problem, errors).any():
+    if kinds == {"kp"} and problem.exceeds(errors).any():
         yield from _explain_trees(problem, end, errors, lambda share: None)
 
 
@@ -169,12 +169,6 @@ def _list_freed(problem: RolloutProblem, end: SearchEnd) -> list[list[Explanatio
         [Explanation(share, np.array([gain]), end, problem.over, is_open)]
         for gain, (share, is_open) in problem.freed.items()
     ]
-
-
-def _exceed(problem: RolloutProblem, errors: Array) -> np.ndarray:
-    """Return where errors of joints (n,) exceed those of recording, (n,) bool."""
-    exceed: np.ndarray = errors**2 > 2.0 * problem.recorded.max(0) ** 2
-    return exceed
 
 
 def _kind(problem: RolloutProblem, numbers: np.ndarray) -> str:
@@ -264,7 +258,7 @@ def _explain_tree(
         own = np.unique(likeliest[0] % len(joints))
         # A joint whose command stands has no errors, but may move the others.
         judged = own if errors[own].any() else np.flatnonzero(joints)
-        if not _exceed(problem, errors)[judged].any():
+        if not problem.exceeds(errors)[judged].any():
             continue
         most = 1 - 0.5 * excess[judged].sum() / squares[judged].sum()
         kept = _explain_joints(problem, end, likeliest, screening, judged, most)
@@ -577,6 +571,7 @@ def _state_numbers(robot: Robot, found: Rollouts, kind: str, at: np.ndarray) -> 
 
 def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -> str:
     """Return a number that explains errors in words."""
+    assert robot.servo is not None
     value = explanation.end.x[explanation.numbers[0]]
     servo = problem.machine.servo
     kind = _kind(problem, explanation.numbers)
@@ -590,10 +585,10 @@ def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -
         "weak" if scaled and not explanation.is_open else kind,
         joints=joints,
         joint=joints[0],
-        gain=servo.gain[j],
+        gain=robot.servo.gain[j],
         symbol="kp" if servo.kp[j] else "kv",
         used=factor * servo.gain[j],
-        kv=servo.kv[j],
+        kv=robot.servo.kv[j],
         used_kv=factor * servo.kv[j],
         size=value,
         unit=robot.torque_units[j],

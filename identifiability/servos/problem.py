@@ -116,6 +116,11 @@ class RolloutProblem:
         rows = 1 + (self.machine.servo.kp == 0)
         return np.sqrt(rows) * [recording_error(log) for log in self.logs]
 
+    def exceeds(self, errors: Array) -> np.ndarray:
+        """Return where errors of joints (n,) exceed those of recording, (n,) bool."""
+        exceed: np.ndarray = errors**2 > 2.0 * self.recorded.max(0) ** 2
+        return exceed
+
     @property
     def source(self) -> np.ndarray:
         """Which log each window is of, (windows,) int."""
