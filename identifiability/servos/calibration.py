@@ -9,6 +9,7 @@ those of the log (calibrated instrumental variables).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -26,7 +27,7 @@ from identifiability.regression.information import gather_information
 from identifiability.regression.structure import Structure
 from identifiability.simulation.rollout import CommandedRobot, forgotten
 
-from .descent import descend
+from .descent import BLOCK, descend
 from .positions import are_aside, record
 from .problem import RolloutProblem
 from .rollouts import KINDS
@@ -195,6 +196,8 @@ def prepare_recording(
 def fit_delay(structure: Structure, logs: Sequence[Log]) -> tuple[float, float]:
     """Return the delay [s] with which the model explains the torque of commands best, and its sd.
 
+    Errors of rows depend on each other, and those of stretches of time hardly do [Künsch 1989].
+
     Parameters
     ----------
     structure : Structure
@@ -203,7 +206,12 @@ def fit_delay(structure: Structure, logs: Sequence[Log]) -> tuple[float, float]:
         With commands, in the robot's order of joints.
     """
     dt = max(signals.sampling_step(log.t) for log in logs)
-    misfit = _delay_likelihood(structure, logs, Preparation(cutoff=0.1 / dt))
+    squares = _delay_squares(structure, logs, Preparation(cutoff=0.1 / dt))
+
+    def misfit(delay: float) -> float:
+        each, rows = squares(delay)
+        return float(0.5 * rows @ np.log(or_one(each.sum(0))))
+
     first, *later = dt * np.arange(-1, min(map(longest_delay, logs)) + 1)
     start = min([first, *later], key=misfit)
     bounds = max(start - dt, first), start + dt
@@ -211,13 +219,18 @@ def fit_delay(structure: Structure, logs: Sequence[Log]) -> tuple[float, float]:
     best = min(first, best, key=misfit)
     near = 0.1 * dt
     curvature = misfit(best - near) - 2 * misfit(best) + misfit(best + near)
-    return float(best), float(min(near / np.sqrt(max(curvature, 1e-12)), later[-1]))
+    curvature = max(curvature, 1e-12)
+    each, rows = squares(best)
+    change = squares(best + near)[0] - squares(best - near)[0]
+    scores = change @ (0.25 * rows / or_one(each.sum(0)))
+    variance = max(float(scores @ scores), curvature) / curvature**2
+    return float(best), float(min(near * np.sqrt(variance), later[-1]))
 
 
-def _delay_likelihood(
+def _delay_squares(
     structure: Structure, logs: Sequence[Log], how: Preparation
-) -> Callable[[float], float]:
-    """Return the negative log likelihood of a delay [s], with a noise of each joint.
+) -> Callable[[float], tuple[Array, Array]]:
+    """Return a function of a delay [s]: squared residuals by stretch and joint, (B, n), and rows.
 
     Steps of held commands between rows bias it where torque is kept up to a high frequency.
     """
@@ -225,15 +238,15 @@ def _delay_likelihood(
     assert servo is not None
     samples = [prepare_log(structure.robot, log, how) for log in logs]
     regression = structure.regression(samples)
+    seconds = sum(float(log.t[-1] - log.t[0]) for log in logs)
 
-    def misfit(delay: float) -> float:
+    def squares(delay: float) -> tuple[Array, Array]:
         changes = [servo_log(log, servo, delay).tau - log.tau for log in logs]
         pairs = zip(samples, changes, strict=True)
         later = [replace(s, tau=s.tau + change[s.motion.kept]) for s, change in pairs]
-        rows = gather_information(regression.with_torque(later), 1)
+        rows = gather_information(regression.with_torque(later), math.ceil(seconds / BLOCK))
         R = rows.factor(1.0 / or_one(rows.variation))
         values = solve_least(R[:, :-1], R[:, -1])
-        squares = rows.squares(np.append(values, -1.0))
-        return float(0.5 * rows.rows_each @ np.log(or_one(squares)))
+        return rows.squares_of_blocks(np.append(values, -1.0)), rows.rows_each
 
-    return misfit
+    return squares

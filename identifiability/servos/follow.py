@@ -250,7 +250,8 @@ def identify_servos(
     rivals = [servo] if ambiguous else []
     if better is not found:
         found = better
-        servo = _add_doubts(with_numbers(servo, better), servo.doubt)
+        of_scale = servo.doubt[: len(servo.doubt) * bool(scale)]
+        servo = _add_doubts(with_numbers(servo, better), of_scale)
     robot = replace(robot, servo=servo)
     text = filter(None, [check_found(robot, logs, found), state_servos(robot, logs, found)])
     # Gains that logs determined have the scale of the file's bodies already.
