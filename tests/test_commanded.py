@@ -48,6 +48,7 @@ from identifiability.servos import (
     state_gains,
     state_standing,
 )
+from identifiability.servos.calibration import fit_delay
 from identifiability.servos.descent import BEGUN, descend
 from identifiability.servos.fit import compare_bodies, leave_bounds
 from identifiability.servos.odd_joints import Screening
@@ -549,6 +550,17 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     found.to_json(tmp_path / "rollout.json")
     for one in (found, move(arm, frames[1])):
         assert "times as large" in one.write_report(tmp_path / "rollout.html").read_text()
+
+
+def test_a_delay_by_torque_errs_as_its_standard_error_says(arm):
+    rng = default_rng([7, 0])
+    delay, rate = rng.uniform(0.002, 0.012), rng.choice([100.0, 200.0])
+    how = servos.Recorder(float(rate), delay=delay, bits=int(rng.choice([12, 14])))
+    frame = draw(arm, 6.0, rng.uniform(0.25, 0.5), how, rng)
+    log = servo_log(read(arm, frame), arm.servo, 0.0)
+    found, sd = fit_delay(_standard(arm), [log])
+    late = roll_delayed(CommandedRobot(arm, TRUTH), log)[0]
+    assert abs(found - late) < 2.5 * sd  # 2.9 if errors of rows were independent
 
 
 def test_every_verb_finds_the_delay_again_with_the_bodies_fitted(arm):
