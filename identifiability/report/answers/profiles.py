@@ -29,23 +29,23 @@ def answer_profiles(
     said = list[str]()
     further = list[str]()
     for curve in profiles:
-        misread = curve.number.name.endswith((".lead", ".delay"))
+        misread = shown and curve.number.name.endswith((".lead", ".delay"))
+        region = state_region(curve, limits=not misread)
         if misread and said:  # one shows the order of size
-            further.append(state_region(curve, limits=not shown))
+            further.append(region)
             continue
-        said.append(state_region(curve, limits=not (shown and misread)))
-        lower, upper = curve.region
-        stated = shapes.get(curve.number.name, lower)
+        said.append(region)
+        stated = shapes.get(curve.number.name, curve.region[0])
         rounded = format_number(stated, 3)
-        if not lower <= stated <= upper and f" {rounded} " not in said[-1]:
+        if not curve.region[0] <= stated <= curve.region[1] and f" {rounded} " not in region:
             place, _, family = curve.number.name.rpartition(".")
             power = shapes.get(f"{curve.number.name}{EXPONENT}")
             more = f",{power:g}" if power else ""
             best = f"{family}@{place}:{curve.best:.3g}{more}"
             holes = {"stated": rounded, "unit": curve.number.unit, "best": best}
             said.append(sentence("analysis.bounds", "excluded", **holes))
-    found = answer("analysis.bounds", "found", regions=" ".join(said))
-    return replace(found, more=" ".join(further))
+    short = answer("analysis.bounds", "found", regions=" ".join(said))
+    return replace(short, more=" ".join(further))
 
 
 def is_width(curve: Profile) -> bool:
