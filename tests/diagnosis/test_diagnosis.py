@@ -26,7 +26,8 @@ def test_the_statement_says_effect_joints_odds_and_how_far_the_gap_shrinks(diagn
     text = diagnosis.details
     assert text.startswith("What is missing? Stribeck friction in slider1 and slider3, up to ")
     assert "goes from" in text
-    assert any(row[2].text in text for row in diagnosis.tables()[0].rows)  # one size
+    sizes = [row[2].text.partition(" = ")[2] for row in diagnosis.tables()[0].rows]
+    assert any(size in text for size in sizes)
     (effect,) = diagnosis.effects
     assert "hardly determine" in text  # its sizes lie within two standard errors
     sure = tuple(replace(p, errors=0.1 * np.abs(p.values)) for p in effect.placements)
