@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,9 @@ from .windows import Window
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4
+
+#: Squared residuals by stretch of time and joint, (B, n), and rows, (n,), of a delay [s].
+DelaySquares = Callable[[float], tuple[Array, Array]]
 
 
 def roll_delayed(
@@ -207,29 +211,33 @@ def fit_delay(structure: Structure, logs: Sequence[Log]) -> tuple[float, float]:
     """
     dt = max(signals.sampling_step(log.t) for log in logs)
     squares = _delay_squares(structure, logs, Preparation(cutoff=0.1 / dt))
-
-    def misfit(delay: float) -> float:
-        each, rows = squares(delay)
-        return float(0.5 * rows @ np.log(or_one(each.sum(0))))
-
+    misfit = partial(_delay_misfit, squares)
     first, *later = dt * np.arange(-1, min(map(longest_delay, logs)) + 1)
     start = min([first, *later], key=misfit)
     bounds = max(start - dt, first), start + dt
     best = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded").x
-    best = min(first, best, key=misfit)
-    near = 0.1 * dt
-    curvature = misfit(best - near) - 2 * misfit(best) + misfit(best + near)
-    curvature = max(curvature, 1e-12)
+    best = float(min(first, best, key=misfit))
+    return best, min(_delay_error(squares, best, 0.1 * dt), float(later[-1]))
+
+
+def _delay_misfit(squares: DelaySquares, delay: float) -> float:
+    """Return the negative log likelihood of a delay [s], with a noise of each joint."""
+    each, rows = squares(delay)
+    return float(0.5 * rows @ np.log(or_one(each.sum(0))))
+
+
+def _delay_error(squares: DelaySquares, best: float, near: float) -> float:
+    """Return the standard error of the best delay [s] by differences of some size [s]."""
+    before, here, after = (_delay_misfit(squares, best + by) for by in (-near, 0.0, near))
+    curvature = max(before - 2 * here + after, 1e-12)
     each, rows = squares(best)
     change = squares(best + near)[0] - squares(best - near)[0]
     scores = change @ (0.25 * rows / or_one(each.sum(0)))
-    variance = max(float(scores @ scores), curvature) / curvature**2
-    return float(best), float(min(near * np.sqrt(variance), later[-1]))
+    scatter = max(float(scores @ scores), curvature)
+    return float(near * np.sqrt(scatter) / curvature)
 
 
-def _delay_squares(
-    structure: Structure, logs: Sequence[Log], how: Preparation
-) -> Callable[[float], tuple[Array, Array]]:
+def _delay_squares(structure: Structure, logs: Sequence[Log], how: Preparation) -> DelaySquares:
     """Return a function of a delay [s]: squared residuals by stretch and joint, (B, n), and rows.
 
     Steps of held commands between rows bias it where torque is kept up to a high frequency.
