@@ -23,7 +23,7 @@ from identifiability.estimation.verdict import name_rows, to_row
 from identifiability.foundation.answers import Answer, Note, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, ModelError
-from identifiability.foundation.findings import Finding, of_key
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, explain_combination, name_estimates
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.output import check_ending, write_text
@@ -254,10 +254,7 @@ def build_page(result: Result) -> Page:
         overline, subtitle = own
     shown = answer_first(result)
     said = " ".join(f"{one.short} {one.text}" for one in shown.answers)
-    # The answer on errors names the joint that errs most, unless another one refers to warnings.
-    uneven = () if "read the warning" in said else of_key(result.warnings, "uneven")
-    known = [x for x in uneven if f"{x.numbers['joint']}: " in said]
-    warnings = [note("decides", text=text) for text in result.warnings if text not in known]
+    warnings = [note("decides", text=text) for text in result.warnings]
     quantity = name_forces if pushes(result) else str
     hints = [hint_note(x) for x in result.remarks if first_sentence(x).lower() not in said.lower()]
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))
