@@ -285,17 +285,17 @@ def scale_by_limits(servo: Servo, found: Rollouts) -> tuple[Rollouts, Servo, tup
 def scale_servos(servo: Servo, found: Rollouts) -> tuple[Rollouts, Servo, tuple[Finding, ...]]:
     """Return rollouts and servos with stated gains of a known scale, and findings on this scale.
 
-    Gains are divided if they make all bodies too heavy. If the bodies may all be that heavy, their
-    common scale is in doubt by as much, but by no more than the bodies determine it.
+    Gains are divided if they make all bodies too heavy. If the bodies may all be that heavy, but
+    not by the error of what determines them, their common scale is in doubt by this error.
     """
     larger, chance, error = compare_bodies(found)
     if abs(larger) > chance:
         return _divide_servos(servo, *divide_gains(found), error)
-    # Whether kv is as wrong as kp is unknown: viscous friction replaces it.
-    by_gains = np.concatenate([servo.integral, servo.kv * (servo.kp == 0), np.ones(len(servo.kp))])
-    servo = _add_doubts(servo, min(error, abs(larger)) * by_gains)
     if abs(larger) <= error:
         return found, servo, ()
+    # Whether kv is as wrong as kp is unknown: viscous friction replaces it.
+    by_gains = np.concatenate([servo.integral, servo.kv * (servo.kp == 0), np.ones(len(servo.kp))])
+    servo = _add_doubts(servo, error * by_gains)
     said = Finding("gains_or_bodies", servo.source, factor=float(np.exp(larger)))
     return found, servo, (said,)
 
