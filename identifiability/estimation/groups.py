@@ -638,7 +638,7 @@ class MissingEffects:
             return ""
         first = sure[0]
         probability = state_probability(first.odds + min(first.unseen, 0.0))
-        most = f"{_name_term(first)} ({probability})"
+        most = f"{_name_term(first)}{first.peak} ({probability})"
         if len(sure) == 1:
             return f"the model lacks {most}"
         return f"the model lacks {len(sure)} effects, above all {most}"

@@ -150,6 +150,8 @@ class Term:
         Of a family everywhere: the places whose torque shows it; `EVERYWHERE` for all of them.
     rivals : tuple of Term
         Names that explain the same about as well.
+    peak : str
+        Largest torque of a function without a name in the fitted rows, in words; of others empty.
     """
 
     group: Group
@@ -159,6 +161,7 @@ class Term:
     unseen: float = 0.0
     places: Strings = (EVERYWHERE,)
     rivals: tuple[Term, ...] = ()
+    peak: str = ""
 
     @property
     def columns(self) -> np.ndarray:

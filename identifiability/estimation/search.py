@@ -23,6 +23,7 @@ from identifiability.effects.springs import PositionTorque
 from identifiability.effects.transmission import Hysteresis
 from identifiability.foundation.linalg import ROUNDOFF, triangular_factor
 from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import format_number
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate
@@ -808,6 +809,26 @@ def _share_of(
     return Share(term, weight, own, columns, value, root)
 
 
+def _state_peak(missing: Missing, share: Share, used: np.ndarray) -> str:
+    """Return the largest torque of a function without a name, with its joint if there are others.
+
+    The used columns (u,) are those that the share counts in.
+    """
+    group, seen = share.term.group, missing.seen
+    if not group.unnamed:
+        return ""
+    torque = np.zeros(seen.y.shape)
+    columns = (used[share.columns] - missing.fixed).tolist()
+    for column, value in zip(columns, share.value.tolist(), strict=True):
+        for joint in range(torque.shape[1]):
+            torque[:, joint] += value * missing.entries.get((joint, column), 0.0)
+    peaks = np.abs(torque).max(axis=0)
+    joint = int(peaks.argmax())
+    name, unit = seen.robot.joints[joint], seen.robot.torque_units[joint]
+    where = "" if name == group.place else f" in {name}"
+    return f", up to {format_number(float(peaks[joint]), 2)} {unit}{where}"
+
+
 def _conclude(
     search: Search, terms: Terms, refuted: Collection[tuple[str, str]] = ()
 ) -> MissingEffects:
@@ -838,4 +859,6 @@ def _conclude(
         width = len(columns)
         rows.append(JointRows(columns, R[:, :width], np.array(random, int), R[:, width:]))
     alone = tuple(t.odds for (t,) in (model.gains((), [t.group]) for t in terms))
-    return MissingEffects(terms, tuple(shares), tuple(rows), missing.noise, alone)
+    peaks = (_state_peak(missing, share, used) for share in shares)
+    sized = tuple(replace(t, peak=peak) for t, peak in zip(terms, peaks, strict=False))
+    return MissingEffects(sized, tuple(shares), tuple(rows), missing.noise, alone)

@@ -1,5 +1,6 @@
 """What may be missing beside a model, and what analyses say of it."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -103,6 +104,14 @@ def test_a_sign_that_physics_forbids_is_in_doubt_however_certain(logs):
     assert "physics forbids it" in verdict.reason
     assert "elbow.Fc would have a sign that physics forbids" in found.chosen.contradicted
     assert "diagnose" in found.next()[0][1]
+
+
+def test_the_card_gives_the_largest_torque_of_an_unnamed_function(logs):
+    log = logs(0.5, 1)
+    odd = replace(log, tau=log.tau + np.cos(2 * log.dq) * [0, 0.5])
+    said = analyze("two-link", odd, replicates=0).missing.statement
+    (size,) = re.findall(r"an unnamed function of velocity in elbow, up to (\S+) N·m \(", said)
+    assert 0.3 < float(size) < 1.5
 
 
 def test_the_card_warns_by_fitted_and_unseen_rows_together(two_link):
