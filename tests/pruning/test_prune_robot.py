@@ -73,8 +73,11 @@ def test_every_model_below_the_first_has_a_move_a_reason_and_fewer_parameters(pr
 
 def test_models_are_compared_by_their_estimates_and_those_as_likely_are_said(pruned):
     assert f"By the same rule, models with {len(pruned.chosen)} to " in pruned.details
-    row = pruned.tables()[0].rows[pruned.selected]
-    assert any(cell.text in pruned.statement for cell in row if "%" in cell.text)
+    table = pruned.tables()[0]
+    at = [column.title for column in table.columns].index("held out")
+    held = table.rows[pruned.selected][at]
+    assert f"Error on unseen motion: {held.text} of" in pruned.statement
+    assert held.key == pruned.chosen.error_ra_validation
 
 
 def test_the_answer_says_by_which_rule_the_model_was_chosen(pruned):

@@ -367,7 +367,8 @@ def state_nearest(model: ModelResult) -> str:
     near = model.unseen_by(1)
     if model.feasible or not np.isfinite(near):
         return ""
-    return sentence("laddered.statement", "nearest", near=near, free=model.unseen_by(0))
+    part = "nearest" if model.physical_used else "apart"
+    return sentence("laddered.statement", part, near=near, free=model.unseen_by(0))
 
 
 def _state_left_out(result: Laddered[Any]) -> str:

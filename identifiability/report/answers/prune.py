@@ -104,9 +104,10 @@ def _move_row(r: PrunedModel) -> dict[str, Any]:
     why = "" if move is not None and not move.why else r.reason
     condition = f"condition {format_number(r.estimate.condition, 3)}"
     worst_cell = Cell(percent_text(worst), worst, condition)
+    used = int(r.physical_used)
     cells = {
         "move": Cell(text, note=why),
-        "error_ra": float(r.fitted.relative_error()[0]),  # of the estimates, as of other models
+        "error_ra_unseen": float(r.crossed.relative_error()[used]),
         "worst": worst_cell,
     }
     return model_row(r) | cells
