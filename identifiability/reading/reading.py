@@ -160,7 +160,7 @@ class Reading:
         robot = literal.robot
         if self.link_side.any():
             return Structure.of(self.robot(robot), literal.model)
-        if np.allclose(self.gravity, robot.gravity):
+        if np.allclose(self.gravity, robot.gravity) and not self.turned:
             return literal
         if self.gravity.any():
             return Structure.of(robot, literal.model + GravityTilt(self.gravity))

@@ -117,9 +117,10 @@ def test_headline_table_and_file_have_one_angle(share):
     logs = [shipped_log(robot, m, 400, noise=noise, hide=hide, seed=k) for k, m in enumerate("ab")]
     found = diagnose(robot, *logs, quick=True, forward=False)
     angle = found.to_dict()["physical"]["gravity"]["degrees"]
+    assert f"A tilted base, {angle:.2f}° ± 0." in found.statement
+    assert not found.warnings
     if found.effects:
         table = found.to_frame()
         assert np.degrees(np.linalg.norm(table["value"])) == pytest.approx(angle, rel=0.02)
-        assert f"A tilted base, {angle:.2f}° ± 0." in found.statement
     else:
         assert f"{angle:.3g}° from the direction" in found.details

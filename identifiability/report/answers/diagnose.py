@@ -15,13 +15,13 @@ import pandas as pd
 from scipy.special import expit, logit
 
 from identifiability.effects import find_family, joints_of, name_place, title_of
-from identifiability.effects.base import TILTS, GravityTilt, apply_tilt
+from identifiability.effects.base import GravityTilt, apply_tilt
 from identifiability.estimation.rules import RULES
 from identifiability.estimation.verdict import other_terms
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import BASE, Array, NumberByName, Strings, name_each
+from identifiability.foundation.names import Array, NumberByName, Strings, name_each
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
@@ -66,6 +66,7 @@ from .tables import add_units, make_table, unit_cell
 
 if TYPE_CHECKING:
     from identifiability.bending import Bending
+    from identifiability.robot.description import Tilt
     from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds, Placement
 
 #: Names that a sentence says of one effect; JSON has them all.
@@ -342,12 +343,13 @@ def _list_bending(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
 def _answer_missing(d: Diagnosis) -> Answer:
     """Return the missing effects and the changes in the middle of a log."""
     about = "diagnosis.missing"
+    tilted = _state_turned(d)
     named = [*map(partial(_state_effect, d), d.effects)]
     named += [
         f"{' or '.join([c.what, *c.others])} in {'all' if c.whole else 'a part'} of {c.log}"
         for c in d.changes
     ]
-    short = capital(sentence(about, "named" if named else "nothing", names=named))
+    short = capital(_name_missing([*tilted, *named]))
     odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
     unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
     worse = moves_worse(d.moved)
@@ -357,13 +359,33 @@ def _answer_missing(d: Diagnosis) -> Answer:
     over = sentence(about, "over") if "coulomb_friction" in first else ""
     text = join_sentences(over, _state_search(d))
     if named and weak:
-        text = join_sentences(sentence(about, "likeliest", names=short), text)
+        likeliest = capital(_name_missing(named))
+        text = join_sentences(sentence(about, "likeliest", names=likeliest), text)
         short = state_harm(d.moved) if d.moved and worse else sentence(about, "weak")
+        short = capital(_name_missing(tilted)) if tilted else short
     springs = [] if d.nothing or d.fixed else [*find_wrong_bodies(d.fit).springs]
     if springs:
         short = join_sentences(short, sentence(about, "spring", joints=springs))
     question = sentence(about, "question")
-    return Answer(question, short, text, "grey" if weak else "vermilion")
+    return Answer(question, short, text, "grey" if weak and not tilted else "vermilion")
+
+
+def _name_missing(names: Sequence[str]) -> str:
+    """Return a sentence that names effects, or that there are none."""
+    return sentence("diagnosis.missing", "named" if names else "nothing", names=names)
+
+
+def _is_turned(d: Diagnosis) -> bool:
+    """Return whether the logs were read with another direction of gravity."""
+    return d.reading is not None and d.reading.reading.turned
+
+
+def _state_turned(d: Diagnosis) -> list[str]:
+    """Return the tilt of a base that the reading of the logs has found, if it has."""
+    if not _is_turned(d) or any(e.name == GravityTilt.name for e in d.effects):
+        return []
+    size = sentence("diagnosis.missing", "size", size=_measure_tilt(d))
+    return [f"{title_of(GravityTilt.name)}{size}"]
 
 
 def _state_search(d: Diagnosis) -> str:
@@ -371,6 +393,9 @@ def _state_search(d: Diagnosis) -> str:
     about = "diagnosis.missing"
     model = d.alternative.partition(":")[0]
     parts = [f"{model}."] if model else []
+    tilt = _tilt_of(d, d.values) if _is_turned(d) else None
+    if tilt is not None:  # as fitted, which the reading is not exactly
+        parts = [sentence("laddered.statement", "tilt", tilt=tilt.text)]
     rows = "restored" if d.problem.restored else "changed"
     parts += [sentence(about, rows, name=capital(c.called)) for c in d.changes]
     if not d.effects:
@@ -462,18 +487,20 @@ def _state_size(d: Diagnosis, e: NamedEffect) -> str:
     return size + sentence("diagnosis.missing", "vague") if vague else size
 
 
+def _tilt_of(d: Diagnosis, values: Array) -> Tilt | None:
+    """Return the tilt of the base by base parameters (b,) of the completed model."""
+    return apply_tilt(d.completed.robot, name_each(d.completed.base.names, values))[0].tilt
+
+
 def _measure_tilt(d: Diagnosis) -> str:
     """Return the angle of the base ± one standard error, as files have it."""
-    names = d.completed.base.names
-    numbers = name_each(names, d.values)
-    tilt = apply_tilt(d.completed.robot, numbers)[0].tilt
-    if tilt is None:
-        return "0°"
-    kinds = [names.index(n) for n in (f"{BASE}.{kind}" for kind in TILTS) if n in names]
-    along = d.values[kinds]
-    variance = along @ d.fit.base_covariance[np.ix_(kinds, kinds)] @ along
-    error = np.degrees(np.sqrt(variance) / np.linalg.norm(along))
-    angle, half = format_measured(tilt.degrees, float(error))
+    step = 1e-4
+    steps = step * np.eye(len(d.values))
+    tilts = (_tilt_of(d, d.values + by) for by in (np.zeros(len(steps)), *steps))
+    degrees, *moved = (0.0 if tilt is None else tilt.degrees for tilt in tilts)
+    slope = (np.array(moved) - degrees) / step
+    error = np.sqrt(slope @ d.fit.base_covariance @ slope)
+    angle, half = format_measured(degrees, float(error))
     return f"{angle}° ± {half}°"
 
 
