@@ -370,7 +370,7 @@ def _answer_missing(d: Diagnosis) -> Answer:
     return Answer(question, short, text, "grey" if weak and not tilted else "vermilion")
 
 
-def _name_missing(names: Sequence[str]) -> str:
+def _name_missing(names: list[str]) -> str:
     """Return a sentence that names effects, or that there are none."""
     return sentence("diagnosis.missing", "named" if names else "nothing", names=names)
 
