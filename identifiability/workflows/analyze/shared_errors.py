@@ -90,7 +90,9 @@ def _shift_shapes(rows: WeightedRows) -> tuple[Information, ...]:
     """Return the information with the shapes of friction changed by each of their errors.
 
     The errors are one standard error long and lie along the axes of the joint covariance of all
-    shapes. That comes from a fit with the slope of torque over each shape as a further column.
+    shapes. That comes from a fit with the slope of torque over each shape as a further column. The
+    slope of a small level has no information on its shape, and holds near it only. So the logarithm
+    of each shape has a prior standard deviation of one, as those have that `diagnose` tries.
     """
     structure = rows.data.structure
     moved = _move_shapes(rows)
@@ -102,7 +104,8 @@ def _shift_shapes(rows: WeightedRows) -> tuple[Information, ...]:
     of_model = np.eye(wide.size, count)
     of_shapes = block_diag(np.zeros((count, 0)), *moved.slopes)
     both = wide.reduce(np.hstack([of_model, of_shapes]), [*names, *moved.names])
-    covariance = rows.estimator.fit(both).covariance[count:, count:]
+    near = np.eye(len(moved.names), both.size, k=count)
+    covariance = rows.estimator.fit(with_known(both, near)).covariance[count:, count:]
     squares, axes = np.linalg.eigh(covariance)
     errors = of_shapes @ axes * np.sqrt(np.maximum(squares, 0.0))
     shifted = (wide.reduce(of_model, names, error) for error in errors.T)
