@@ -817,10 +817,10 @@ def _state_peak(missing: Missing, share: Share, used: np.ndarray) -> str:
     group, seen = share.term.group, missing.seen
     if not group.unnamed:
         return ""
-    torque = np.zeros(seen.y.shape)
+    torque: Array = np.zeros_like(seen.y)
     columns = (used[share.columns] - missing.fixed).tolist()
     for column, value in zip(columns, share.value.tolist(), strict=True):
-        for joint in range(torque.shape[1]):
+        for joint in range(len(torque.T)):
             torque[:, joint] += value * missing.entries.get((joint, column), 0.0)
     peaks = np.abs(torque).max(axis=0)
     joint = int(peaks.argmax())
