@@ -128,7 +128,7 @@ def test_gains_that_are_off_are_seen_by_what_the_arm_weighs(made):
     light = Robot.load(robot.path, sidecar=sidecar)
     found = payload(light, analyze(light, empty, replicates=0), loaded, empty)
     assert found.mass.value == pytest.approx(0.9 * 3.0, rel=0.03)
-    assert "The ± of the mass contains torque constants that are off" in found.details
+    assert "The ± of the mass includes torque constants that are off" in found.details
     common = payload(light, analyze(light, empty, replicates=0), loaded, empty, mass=3.0)
     assert "of the result the load weighs 2." in common.answer
     sure = [g for g in common.gains if g.told]

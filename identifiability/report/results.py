@@ -204,16 +204,18 @@ def set_symbols(text: str) -> Markup:
 
 
 def break_names(text: str) -> Markup:
-    """Let long names break after an underscore or a dot.
+    """Let long names break after an underscore or a dot, outside of tags.
 
     Examples
     --------
     >>> print(break_names("shoulder_pan_joint.Fc of arm_1"))
     shoulder_<wbr>pan_<wbr>joint.<wbr>Fc of arm_1
     """
-    words = re.split(r"(\w{15,}(?:\.\w+)?)", escape(text))
-    words[1::2] = [re.sub(r"([_.])", r"\1<wbr>", name) for name in words[1::2]]
-    return Markup("".join(words))
+    pieces = re.split(r"(<[^>]*>|\w{15,}(?:\.\w+)?)", escape(text))
+    for k, piece in enumerate(pieces):
+        is_name = k % 2 and not piece.startswith("<")
+        pieces[k] = re.sub(r"([_.])", r"\1<wbr>", piece) if is_name else piece
+    return Markup("".join(pieces))
 
 
 def pieces_of(line: str) -> list[str]:

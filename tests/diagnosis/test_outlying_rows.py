@@ -32,7 +32,7 @@ def test_a_burst_leaves_the_study_its_name_and_its_error(rows, size, study, name
     (placed,) = found.effects[0].placements
     assert placed.peak <= placed.values[0]
     assert found.held_after < 0.0125
-    assert ": the torque of joint_2 is up to" in found.details
+    assert "the torque of joint_2 is up to" in found.details
     same = analyze(study / "robot.urdf", logs, study / "run3.csv", found, replicates=0).chosen
     errors = same.error_ra, same.error_ra_validation
     assert errors == pytest.approx((found.error_after, found.held_after), rel=1e-6)
