@@ -192,8 +192,10 @@ RIPPLES = tuple(0.5 * np.arange(4, end) for end in (33, 97))
 
 def _list_periods(span: Span) -> tuple[float, ...]:
     """Return the periods that are tried [rad or m]."""
-    slides = {axis.name: axis.prismatic for axis in span.robot.axes}[span.joint]
-    return tuple((span.position_range / RIPPLES[slides]).tolist())
+    slides = {axis.name: axis.prismatic for axis in span.robot.axes}
+    turning, sliding = RIPPLES
+    counts = sliding if slides[span.joint] else turning
+    return tuple((span.position_range / counts).tolist())
 
 
 @declare(

@@ -219,16 +219,18 @@ def list_alternatives(judged: Judged, k: int) -> tuple[float, Terms]:
     term = judged.terms[k]
     rest = without(judged.terms, k)
     odds = max(term.odds, _odds_of_parts(search, rest, term.group))
-    others = list[Term]()
-    for t in search.model.gains(rest):
-        if t.key in judged.tried or not _may_rival(t.group, term.group):
-            continue
-        if t.group.place != term.group.place:
-            further = max(judged.further.get(t.key, 0.0), 0.0)
-            t = replace(t, odds=t.odds - further)  # noqa: PLW2901 - the same
-        others.append(t)
-    others.sort(key=lambda t: -t.odds)
-    return odds, tuple(others)
+    others = [t for t in search.model.gains(rest) if t.key not in judged.tried]
+    rivals = [_as_rival(judged, term, t) for t in others if _may_rival(t.group, term.group)]
+    rivals.sort(key=lambda t: -t.odds)
+    return odds, tuple(rivals)
+
+
+def _as_rival(judged: Judged, term: Term, other: Term) -> Term:
+    """Return another name with the log odds that it would explain in place of a term."""
+    if other.group.place == term.group.place:
+        return other
+    beside = max(judged.further.get(other.key, 0.0), 0.0)
+    return replace(other, odds=other.odds - beside)
 
 
 def find_rivals(judged: Judged, k: int) -> Terms:
@@ -859,6 +861,6 @@ def _conclude(
         width = len(columns)
         rows.append(JointRows(columns, R[:, :width], np.array(random, int), R[:, width:]))
     alone = tuple(t.odds for (t,) in (model.gains((), [t.group]) for t in terms))
-    peaks = (_state_peak(missing, share, used) for share in shares)
-    sized = tuple(replace(t, peak=peak) for t, peak in zip(terms, peaks, strict=False))
+    peaks = [_state_peak(missing, share, used) for share in shares[: len(terms)]]
+    sized = tuple(replace(t, peak=peak) for t, peak in zip(terms, peaks, strict=True))
     return MissingEffects(sized, tuple(shares), tuple(rows), missing.noise, alone)

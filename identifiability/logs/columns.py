@@ -734,8 +734,9 @@ def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[
     if kind not in ("q", "tau"):
         return []
     columns = [g.source for g in loose]
-    lock = f" If joints that are not in the log stand still, lock them: --lock {known.joints[-1]}."
-    fewer = lock if len(numbers) < len(known.joints) else ""
+    lock = option_for_shell("--lock", known.joints[-1], always=True)
+    lacks = f" If joints that are not in the log stand still, lock them: {lock}."
+    fewer = lacks if len(numbers) < len(known.joints) else ""
     more = f", and {len(known.listed)} with all others" if len(known.listed) > count else ""
     raise LogError(
         f"{source} numbers its joints differently from the robot ({listing(columns)}; the "

@@ -570,7 +570,7 @@ def _find_peak(regression: Regression, values: NumberByName) -> Json:
     robot = regression.robot
     peaks = np.abs(found.predicted[:, :, 0] * found.data).max(axis=0, initial=0.0)
     most = int(np.argmax(peaks))
-    return {"joint": robot.joints[most % len(robot.joints)], "torque": float(peaks[most])}
+    return {"joint": robot.joints[most], "torque": float(peaks[most])}
 
 
 def _measure_errors(

@@ -522,7 +522,7 @@ def draw_curve(
 
 
 def _is_rough(y: Array) -> bool:
-    """Return whether most neighbours of a sequence differ as any two of its values do."""
+    """Return whether the median step of a sequence is more than a fifth of its spread."""
     return bool(np.median(np.diff(y) ** 2) > 0.05 * np.var(y))
 
 

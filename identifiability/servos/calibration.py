@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -211,7 +210,10 @@ def fit_delay(structure: Structure, logs: Sequence[Log]) -> tuple[float, float]:
     """
     dt = max(signals.sampling_step(log.t) for log in logs)
     squares = _delay_squares(structure, logs, Preparation(cutoff=0.1 / dt))
-    misfit = partial(_delay_misfit, squares)
+
+    def misfit(delay: float) -> float:
+        return _delay_misfit(*squares(delay))
+
     first, *later = dt * np.arange(-1, min(map(longest_delay, logs)) + 1)
     start = min([first, *later], key=misfit)
     bounds = max(start - dt, first), start + dt
@@ -220,19 +222,19 @@ def fit_delay(structure: Structure, logs: Sequence[Log]) -> tuple[float, float]:
     return best, min(_delay_error(squares, best, 0.1 * dt), float(later[-1]))
 
 
-def _delay_misfit(squares: DelaySquares, delay: float) -> float:
-    """Return the negative log likelihood of a delay [s], with a noise of each joint."""
-    each, rows = squares(delay)
+def _delay_misfit(each: Array, rows: Array) -> float:
+    """Return the negative log likelihood of squares (B, n) of residuals, with joint noise."""
     return float(0.5 * rows @ np.log(or_one(each.sum(0))))
 
 
 def _delay_error(squares: DelaySquares, best: float, near: float) -> float:
     """Return the standard error of the best delay [s] by differences of some size [s]."""
-    before, here, after = (_delay_misfit(squares, best + by) for by in (-near, 0.0, near))
-    curvature = max(before - 2 * here + after, 1e-12)
-    each, rows = squares(best)
-    change = squares(best + near)[0] - squares(best - near)[0]
-    scores = change @ (0.25 * rows / or_one(each.sum(0)))
+    before, _ = squares(best - near)
+    here, rows = squares(best)
+    after, _ = squares(best + near)
+    bends = _delay_misfit(before, rows) - 2 * _delay_misfit(here, rows) + _delay_misfit(after, rows)
+    curvature = max(bends, 1e-12)
+    scores = (after - before) @ (0.25 * rows / or_one(here.sum(0)))
     scatter = max(float(scores @ scores), curvature)
     return float(near * np.sqrt(scatter) / curvature)
 

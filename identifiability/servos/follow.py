@@ -239,7 +239,7 @@ def identify_servos(
     """
     assert robot.servo is not None
     servo = robot.servo
-    stated = robot
+    stated = robot  # odd gains are told by what the user stated
     is_scaled = bool(servo.rolled or servo.kept)
     scale: tuple[Finding, ...] = ()
     if not is_scaled:
@@ -250,7 +250,7 @@ def identify_servos(
     rivals = [servo] if ambiguous else []
     if better is not found:
         found = better
-        of_scale = servo.doubt[: len(servo.doubt) * bool(scale)]
+        of_scale = servo.doubt if scale else servo.doubt[:0]
         servo = _add_doubts(with_numbers(servo, better), of_scale)
     robot = replace(robot, servo=servo)
     text = filter(None, [check_found(robot, logs, found), state_servos(robot, logs, found)])

@@ -1,8 +1,12 @@
 """MuJoCo and Pinocchio find in an exported file the errors that were stated for it."""
 
+import re
+
 import pytest
 
 from identifiability import Model, Robot, analyze, find_base_parameters, prune
+from identifiability.effects import FAMILIES
+from identifiability.foundation.findings import phrase
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.simulation import PAPER_NOISE
 
@@ -74,7 +78,7 @@ def test_other_engines_find_the_stated_errors(name, what, tmp_path):
             assert [found.robot.nominal[f"{joint}.{kind}"] for kind in kinds] == [0.0] * 4
 
 
-def test_an_effect_with_a_shape_comes_back_and_its_torque_is_said(tmp_path):
+def test_an_effect_with_a_shape_comes_back_and_its_torque_is_said_with_one_article(tmp_path):
     result, log = fit("two-link", "stribeck_friction@*:0.4,2")
     found = replay(result.robot, result, log, tmp_path)
     assert found.whole == pytest.approx(found.stated["error_ra"], rel=ROUNDING)
@@ -90,3 +94,6 @@ def test_an_effect_with_a_shape_comes_back_and_its_torque_is_said(tmp_path):
     assert "cannot hold Stribeck friction (shoulder.Fs, elbow.Fs), up to 7.98 N·m in shoulder" in (
         found.exported.statement
     )
+    for family in FAMILIES.values():
+        said = phrase("exported", "in_sidecar", file="a", effects=[family.title], peak="")
+        assert not re.search(r"\b(no|an?|the) (an?|the)\b", said)

@@ -494,7 +494,7 @@ def _tilt_of(d: Diagnosis, values: Array) -> Tilt | None:
 
 def _measure_tilt(d: Diagnosis) -> str:
     """Return the angle of the base ± one standard error, as files have it."""
-    step = 1e-4
+    step = 1e-4  # the angle is linear over it
     steps = step * np.eye(len(d.values))
     tilts = (_tilt_of(d, d.values + by) for by in (np.zeros(len(steps)), *steps))
     degrees, *moved = (0.0 if tilt is None else tilt.degrees for tilt in tilts)
@@ -550,7 +550,7 @@ def _state_joint(d: Diagnosis) -> str:
 
 
 def _state_looks(d: Diagnosis, noise: Array | None) -> str:
-    """Return what the residual depends on, and its size where it is more than noise of torque."""
+    """Return the variable of the residual in words, and its size if that exceeds the noise."""
     about = "diagnosis.residual"
     most = max(d.discrepancies, key=lambda x: max(x.explained.values(), default=0.0))
     where, best = max(most.explained.items(), key=lambda x: x[1])

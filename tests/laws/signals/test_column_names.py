@@ -100,8 +100,8 @@ REFUSED = {
     ),
     "fewer numbers": (
         ["t", *each("{k}{j}", (1,), ("q", "tau"))],
-        PAIR,
-        r"columns={'q1': 'shoulder\.q'}\)\. If joints .* lock them: .*lock=\['elbow'\]",
+        ("shoulder", "el bow"),
+        r"columns={'q1': 'shoulder\.q'}\)\. If joints .* lock them: .*lock=\['el bow'\]",
     ),
     "other order": (
         ["t", *each("{k}{j}", (1, 2), ("q", "tau"))],
