@@ -614,10 +614,11 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
             ]
             if p is not e.placements[0]:
                 equation, here = "", shorten_title(here)
-            others = " or ".join(["", *rivals]).lstrip()
+            others = " ".join(f"or {rival}" for rival in rivals)
             small = others if len(rivals) > 1 else ""
             note = "; ".join(filter(None, (equation, small)))
-            name = Cell(here if small else f"{here} {others}".rstrip(), note=note)
+            title = here if small else f"{here} {others}".rstrip()
+            name = Cell(capital(title), note=note)
             added = unit_cell(p.peak, p.torque_unit)
             named = name if p.sure else sentence("diagnosis.missing", "unsure")
             shape = _state_shape(d, e.name, p)
