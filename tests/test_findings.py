@@ -1,11 +1,13 @@
 """What is noticed and done bears a key; the ledger says which rows it was done to."""
 
 import pickle
+import re
 
 import pytest
 
 from identifiability import analyze, inspect
-from identifiability.foundation.findings import Finding, Level, ledger, of_key
+from identifiability.foundation.findings import Finding, Level, ledger, of_key, sentences
+from identifiability.report.answers.common import WORDS
 
 
 @pytest.fixture
@@ -36,6 +38,10 @@ def test_the_ledger_is_a_table_of_what_was_done(spoilt):
     assert ledger(["plain"]) == ()
     every = inspect("two-link", spoilt).ledger()[0]
     assert len(every.rows) >= len(table.rows)
+
+
+def test_a_list_of_names_says_of_what_it_leaves_some_out():
+    assert not re.findall(r"{names:(?:and ?)?\d*}", str(sentences()) + str(WORDS))
 
 
 def test_a_first_row_that_jumps_needs_no_check(spoilt):

@@ -97,6 +97,7 @@ def with_article(noun: str) -> str:
 #: Things that sentences list, in the plural and in the singular.
 THINGS = {
     **{f"{noun}s": noun for noun in ("joint", "effect", "log", "column", "motor", "parameter")},
+    **{f"{noun}s": noun for noun in ("change", "limit", "value")},
     **{"bodies": "body", "topics": "topic", "legs": "leg", "variables": "variable"},
 }
 

@@ -37,7 +37,8 @@ class _Filler(Formatter):
     ``{names:and 3}`` join them by "and". ``{n:one|many}`` goes by a number, or the length of a
     list; ``{n:# sample}`` counts. ``{x:3%}`` is a share in percent with three digits,
     ``{x:padded%}`` one that keeps its zeros, and ``{x:#3}`` a number with three digits. A list that
-    is called by its `THINGS`, such as ``{joints}``, counts them where it leaves some out.
+    is called by its `THINGS`, such as ``{joints}``, or that names them, such as
+    ``{names:and 3 joints}``, counts them where it leaves some out.
     """
 
     things = ""
@@ -53,15 +54,16 @@ class _Filler(Formatter):
             if (len(value) if many else value) == 1:
                 return one
             return others
-        if not (format_spec.startswith(("and", "#")) or format_spec.endswith("%")):
+        head, _, noun = format_spec.partition(" ")
+        if not (head.startswith(("and", "#")) or head.endswith("%")):
             if many:
-                return listing(value, int(format_spec or 4), things=self.things)
+                return listing(value, int(head or 4), things=noun or self.things)
             return format(value, format_spec)
         from . import rounding  # noqa: PLC0415 - SciPy
 
-        head, _, noun = format_spec.partition(" ")
         if head == "and":
-            return rounding.join(list(value), int(noun or 6), self.things)
+            most, _, things = noun.partition(" ")
+            return rounding.join(list(value), int(most or 6), things or self.things)
         if head == "#":
             return rounding.format_count(len(value) if many else value, noun)
         if head.startswith("#"):
@@ -72,7 +74,13 @@ class _Filler(Formatter):
 
 
 def fill(text: str, holes: Mapping[str, Any]) -> str:
-    """Return a sentence with its holes filled."""
+    """Return a sentence with its holes filled.
+
+    Example
+    -------
+    >>> fill("{names:and 3 joints} move", {"names": ["hip", "knee", "ankle", "toe"]})
+    'hip, knee and 2 more joints move'
+    """
     return _Filler().vformat(text, (), holes)
 
 

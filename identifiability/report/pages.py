@@ -113,7 +113,7 @@ def calibration_sections(calibration: Calibration) -> list[Section]:
 def comparison_heading(result: Comparison) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
     every, k = _name_logs(result), len(result.before)
-    before, after = (join(logs, 3) for logs in (every[:k], every[k:]))
+    before, after = (join(logs, 3, "logs") for logs in (every[:k], every[k:]))
     about = f"{result.robot.path.name} · {_name_model(result.submodel.name)}"
     return "Comparison report", f"{about} · before:\xa0{before} · after:\xa0{after}"
 

@@ -598,7 +598,7 @@ def _state_measurement(result: Laddered[Any]) -> str:
     tilt = apply_tilt(result.robot, numbers)[0].tilt
     if not values:
         return ""
-    stated = f"{listing(values, NAMED)}."
+    stated = f"{listing(values, NAMED, things='values')}."
     if tilt is None or result.robot.tilt is not None:
         return stated
     return f"{sentence('laddered.statement', 'tilt', tilt=tilt.text)} {stated}"

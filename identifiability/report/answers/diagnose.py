@@ -311,7 +311,7 @@ def _answer_bending(found: Bending) -> Answer:
         for x in found.joints
     ]
     how = sentence(about, "how", bandwidth=found.bandwidth)
-    return Answer(question, f"{join(each, NAMED)}.", "", "vermilion", more=how)
+    return Answer(question, f"{join(each, NAMED, 'joints')}.", "", "vermilion", more=how)
 
 
 def _list_bending(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
@@ -429,7 +429,7 @@ def name_places(e: NamedEffect) -> str:
     """Return where an effect is, in words."""
     if e.everywhere:
         return sentence("diagnosis.missing", "everywhere")
-    return join(e.joints, NAMED)
+    return join(e.joints, NAMED, "joints")
 
 
 def list_names(e: NamedEffect) -> list[str]:
