@@ -311,7 +311,7 @@ class ReadingCandidates:
         robot = self.logs.robot.turned(gravity)
         return self._other(
             "" if robot.tilt is None else f"Gravity {robot.tilt.text}",
-            f"State it in the robot file ({write_gravity(robot)}), or export it",
+            f"Export it, or state it in the robot file ({write_gravity(robot)})",
             gravity=gravity,
             turned=True,
             fitted_numbers=2,

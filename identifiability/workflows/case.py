@@ -112,6 +112,7 @@ CLOCKS = {ClockError.name: "lead", TimeDelay.name: "delay"}
 
 #: Text after the statement of a reading that is used.
 SO = "All results use this reading."
+REFINED = "All results use this reading; the fit refines its direction."
 
 
 @frozen
@@ -985,7 +986,8 @@ def check_logs(data: Data, reading: Reading | None) -> Data:
 
 def read_otherwise(checked: Data, reading: Reading) -> Data:
     """Return data that report the reading under which they were prepared."""
-    said = Finding("alternative", text=f"{reading.statement} {SO}")
+    use = REFINED if reading.turned else SO
+    said = Finding("alternative", text=f"{reading.statement} {use}")
     return replace(checked, reading=reading, hints=(said, *checked.hints))
 
 

@@ -123,4 +123,5 @@ def test_headline_table_and_file_have_one_angle(share):
         table = found.to_frame()
         assert np.degrees(np.linalg.norm(table["value"])) == pytest.approx(angle, rel=0.02)
     else:
+        assert "already has this tilt" in found.statement
         assert f"{angle:.3g}° from the direction" in found.details

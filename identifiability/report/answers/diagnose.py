@@ -520,7 +520,8 @@ def _answer_gap(d: Diagnosis) -> Answer:
         text = sentence(about, "measured", verified=d.verified_on, model=model)
         if d.effects:
             text += sentence(about, "useless", count=d.effects)
-        return answer(about, "stays", text, error=d.held_before)
+        part = "tilted" if _state_turned(d) else "stays"
+        return answer(about, part, text, error=d.held_before)
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     holes: dict[str, Any] = {"verified": d.verified_on, "ends": " … ".join(ends)}
     interval = sentence(about, "interval", **holes) if any(d.interval) else ""
