@@ -388,7 +388,8 @@ def export(
             seed=seed,
         )
         written = found.write(out)
-        echo(found.statement)
+        for text in filter(None, (found.statement, found.lacking(out))):
+            echo(text)
         last = f" … {written[-1].name}" if len(written) > 1 else ""
         echo(f"{written[0]}{last}")
         return

@@ -9,6 +9,7 @@ from identifiability.effects import FAMILIES
 from identifiability.foundation.findings import phrase
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.simulation import PAPER_NOISE
+from identifiability.workflows.export import draw_robots
 
 from ..conftest import shipped_log
 from .conftest import replay
@@ -84,12 +85,12 @@ def test_an_effect_with_a_shape_comes_back_and_its_torque_is_said_with_one_artic
     assert found.whole == pytest.approx(found.stated["error_ra"], rel=ROUNDING)
     parameters = result.to_dict()["physical"]["parameters"]
     assert found.robot.nominal["elbow.Fs"] == parameters["elbow.Fs"] > 0
-    assert found.robot.shapes == {
-        "shoulder.stribeck_friction": 0.4,
-        "shoulder.stribeck_friction_exponent": 2.0,
-        "elbow.stribeck_friction": 0.4,
-        "elbow.stribeck_friction_exponent": 2.0,
-    }
+    (file,) = draw_robots(result.robot, result.fit, 1).write(tmp_path / "drawn.xml")
+    assert "Each drawn file cannot hold Stribeck friction (shoulder.Fs, elbow" in file.read_text()
+    shapes = found.robot.shapes
+    assert Robot.load(file).shapes == shapes
+    assert shapes["shoulder.stribeck_friction"] == 0.4
+    assert shapes["elbow.stribeck_friction_exponent"] == 2.0
     assert found.exported.beside == {"Stribeck friction": ("shoulder.Fs", "elbow.Fs")}
     assert "cannot hold Stribeck friction (shoulder.Fs, elbow.Fs), up to 7.98 N·m in shoulder" in (
         found.exported.statement

@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 
+from identifiability.effects.vocabulary import Kind, by_effect, values_not_in_file
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array, Strings, name_each
 from identifiability.foundation.options import Expected, FilePath, Positive, Seed, checked
 from identifiability.foundation.output import check_ending
@@ -32,7 +34,7 @@ from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.belief import start_inside, state_prior, widest
 from identifiability.workflows.predict import Fit, find_fit
 
-from .workflow import save_robot
+from .workflow import state_lost, write_parameters
 
 #: Steps of the sampler: before the first draw, and from one that is kept to the next.
 WARMUP, APART, WALKERS = 12, 3, 16
@@ -86,10 +88,26 @@ class Draws:
             return (write_table(path, self.to_frame()),)
         digits = max(3, len(str(len(self.values))))
         written = []
+        robot, shapes = self.structure.robot, self.structure.shapes
+        lacking = self.lacking(path)
         for k, values in enumerate(self.robots, start=1):
             name = f"{path.stem}-{k:0{digits}d}{path.suffix}"
-            written.append(save_robot(self.structure.robot, values, path.with_name(name)))
+            file = path.with_name(name)
+            how: Any = {"shapes": shapes, "comment": lacking}
+            written.append(write_parameters(robot, values, file, **how).robot)
         return tuple(written)
+
+    def lacking(self, path: str | Path) -> str:
+        """Return the effects that robot files of a format cannot hold, in words; else empty."""
+        kinds: dict[str, Kind] = {".xml": "mjcf", ".urdf": "urdf"}
+        kind = kinds.get(Path(path).suffix.lower())
+        if kind is None:
+            return ""
+        robot, values = self.structure.robot, next(self.robots)
+        lost = values_not_in_file(robot, values, kind)
+        effects = by_effect(robot, lost, self.structure.shapes)
+        name = phrase("exported", "each")
+        return state_lost(robot, values, effects, kind, name)
 
     @property
     @presented

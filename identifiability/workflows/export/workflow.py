@@ -472,14 +472,43 @@ def _state_lacking(
         Of the file.
     """
     lacking = _list_lacking(robot, content, given, kind)
-    few = {e: listing(names, 4, things="parameters") for e, names in lacking.items()}
-    effects = [f"{effect} ({names})" for effect, names in few.items()]
-    lost = values_not_in_file(robot, given, kind)
-    if not lost:
-        return phrase("exported", "misread", file=name, effects=effects) if effects else ""
     most = content.physical.lost.get(kind)
     units = dict(zip(robot.joints, robot.torque_units, strict=True))
-    peak = phrase("exported", "peak", **vars(most), unit=units[most.joint]) if most else ""
+    peak = ""
+    if most:
+        unit = units[most.joint]
+        peak = phrase("exported", "peak", **vars(most), unit=unit, effects=[*lacking])
+    return state_lost(robot, given, lacking, kind, name, peak)
+
+
+def state_lost(
+    robot: Robot,
+    values: NumberByName,
+    lacking: Mapping[str, Strings],
+    kind: Kind,
+    name: str,
+    peak: str = "",
+) -> str:
+    """Return the effects that a file cannot hold, and the remedy; empty without any.
+
+    Parameters
+    ----------
+    robot : Robot
+    values : mapping
+        Standard parameters that are to be written.
+    lacking : mapping
+        Parameters that the file cannot hold, by effect.
+    kind : {"mjcf", "urdf", "isaaclab"}
+    name : str
+        Of the file.
+    peak : str
+        Their largest torque in words.
+    """
+    few = {e: listing(names, 4, things="parameters") for e, names in lacking.items()}
+    effects = [f"{effect} ({names})" for effect, names in few.items()]
+    lost = values_not_in_file(robot, values, kind)
+    if not lost:
+        return phrase("exported", "misread", file=name, effects=effects) if effects else ""
     where = "in_function" if kind == "isaaclab" else "in_sidecar"
     said = [phrase("exported", where, file=name, effects=effects, peak=peak)]
     if kind == "urdf" and not values_not_in_file(robot, lost, "mjcf"):
