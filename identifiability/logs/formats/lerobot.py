@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from hashlib import sha256
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,6 +69,28 @@ def split_episodes(path: str | Path) -> tuple[Path, str]:
     if colon and _EPISODES.fullmatch(text):
         return Path(folder), text
     return Path(path), ""
+
+
+def join_episodes(paths: Iterable[str]) -> list[str]:
+    """Return paths with consecutive episodes of a dataset as one.
+
+    Example
+    -------
+    >>> join_episodes(["arm:0", "arm:1", "arm:2", "arm:5", "a.csv"])
+    ['arm:0-2', 'arm:5', 'a.csv']
+    """
+
+    def run_of(item: tuple[int, str]) -> tuple[str, int]:
+        place, path = item
+        folder, text = split_episodes(path)
+        return (str(folder), int(text) - place) if text.isdigit() else (path, 0)
+
+    joined = []
+    for _, run in groupby(enumerate(paths), run_of):
+        every = [path for _, path in run]
+        last = split_episodes(every[-1])[1]
+        joined.append(f"{every[0]}-{last}" if len(every) > 1 else every[0])
+    return joined
 
 
 def list_episodes(path: str | Path) -> list[Path]:

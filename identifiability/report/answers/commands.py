@@ -10,6 +10,7 @@ from identifiability.foundation.names import find_patterns
 from identifiability.foundation.quoting import for_shell, option_for_shell, path_for_shell
 from identifiability.foundation.result import Result
 from identifiability.foundation.wording import OF_PREPARATION
+from identifiability.logs.formats.lerobot import join_episodes
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import CommonPreparation
@@ -102,7 +103,8 @@ def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object 
     how : Preparation, optional
         The requested preparation.
     """
-    files = [f"{option} {path_for_shell(path)}".strip() for path in dict.fromkeys(paths)]
+    every = join_episodes(dict.fromkeys(paths))
+    files = [f"{option} {path_for_shell(path)}".strip() for path in every]
     return f"{' '.join(files)}{reading_options(robot)}{preparing_options(how)}"
 
 
@@ -112,9 +114,10 @@ def compare_line(robot: Robot, paths: Iterable[str], how: object, ladder: str = 
     `ladder` is the option that names the model, as `ladder_option` writes it.
     """
     files = [*dict.fromkeys(paths)]
-    more = "".join(f" --after {path_for_shell(path)}" for path in files[2:])
-    two = name_logs(robot, files[:2], how=how)
-    return f"compare {source_name(robot)} {two}{more}{ladder}"
+    more = "".join(f" --after {path_for_shell(path)}" for path in join_episodes(files[2:]))
+    first = path_for_shell(files[0])
+    second = name_logs(robot, files[1:2], how=how)
+    return f"compare {source_name(robot)} {first} {second}{more}{ladder}"
 
 
 def held_back(samples: Sequence[Dataset], fitted: Sequence[Dataset] = ()) -> str:
@@ -128,7 +131,8 @@ def held_back(samples: Sequence[Dataset], fitted: Sequence[Dataset] = ()) -> str
 
 def validate_options(paths: Iterable[str]) -> str:
     """Return the options that hold logs out, each once; begins with a space."""
-    return "".join(f" --validate {path_for_shell(path)}" for path in dict.fromkeys(paths))
+    every = join_episodes(dict.fromkeys(paths))
+    return "".join(f" --validate {path_for_shell(path)}" for path in every)
 
 
 def diagnose_lines(fit: Fit) -> list[str]:
