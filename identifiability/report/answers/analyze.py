@@ -302,11 +302,14 @@ class AnalysisPresenter(LadderedPresenter):
         result = self.result
         profiles = [curve for curve in result.profiles if not is_width(curve)]
         shown = bool(of_key(result.hints, "alternative"))
-        profiled = [answer_profiles(profiles, result.shapes, shown)] if profiles else []
-        return (
-            *super().asked(),
-            *profiled,
-        )
+        if not profiles:
+            return super().asked()
+        profiled = answer_profiles(profiles, result.shapes, shown)
+        lacks = result.missing.functions
+        if lacks:
+            as_it_is = sentence("analysis.bounds", "lacks", lacks=lacks)
+            profiled = replace(profiled, text=as_it_is)
+        return (*super().asked(), profiled)
 
     def answer_use(self) -> Answer:
         """Return the model to use, and the number of its identifiable parameters."""
