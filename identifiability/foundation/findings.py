@@ -36,9 +36,9 @@ class _Filler(Formatter):
     ``{names}`` lists at most four names, ``{names:9}`` at most nine. ``{names:and}`` and
     ``{names:and 3}`` join them by "and". ``{n:one|many}`` goes by a number, or the length of a
     list; ``{n:# sample}`` counts. ``{x:3%}`` is a share in percent with three digits,
-    ``{x:padded%}`` one that keeps its zeros, and ``{x:#3}`` a number with three digits. A list that
-    is called by its `THINGS`, such as ``{joints}``, or that names them, such as
-    ``{names:and 3 joints}``, counts them where it leaves some out.
+    ``{x:padded%}`` one that keeps its zeros, and ``{x:#3}`` a number with three digits. Where a
+    list leaves some out, it counts them: by its own name, as in ``{joints}``, or by another of the
+    `THINGS`, as in ``{names:and 3 joints}``.
     """
 
     things = ""
