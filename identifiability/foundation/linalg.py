@@ -13,6 +13,9 @@ from .names import Array
 #: 1e-12 or less and the weakest true directions of the shipped robots at 5e-4.
 RANK_TOLERANCE = 1e-8
 
+#: Columns below this share of the others may come from five digits of a robot file.
+ROUNDED = np.sqrt(RANK_TOLERANCE)
+
 #: A unit column whose part outside the kept span is below this is dependent.
 SPAN_TOLERANCE = 1e-7
 

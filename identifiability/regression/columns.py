@@ -16,16 +16,19 @@ import numpy as np
 from identifiability.effects import Effect, Family, Part, Shaped, Span
 from identifiability.effects.effect import hides, list_entries, measure_spans
 from identifiability.foundation.errors import ModelError
+from identifiability.foundation.linalg import ROUNDED
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Piece
 from identifiability.logs.signals import TOGETHER
 from identifiability.robot import Motion, Robot
+from identifiability.robot.description import Axis
 
 #: Effects of a model by place: families with their places.
 Present = Collection[tuple[str, str]]
 #: Why a family is not tried where it is.
 HAS = "the model has it already"
+UNMOVED = "the passive joint moves no more than a rounded robot file lets it"
 #: Torque (N,) by joint and column, where it is not zero everywhere.
 Entries = dict[tuple[int, int], Array]
 
@@ -110,6 +113,7 @@ def list_candidates(
         Whether the model keeps the values of the robot file; then what it has may be wrong too.
     """
     spans = measure_spans(robot, motions)
+    unmoved = _list_unmoved(robot, motions)
     out: list[Candidate] = []
     refused: list[Refusal] = []
     for family in families:
@@ -122,6 +126,7 @@ def list_candidates(
             # A correction to a level of the model may be of either sign.
             free = known or bool(family.effect.supersedes)
             reason = HAS if known and not fixed else _refuse_at(robot, family, place)
+            reason = reason or (UNMOVED if place in unmoved else "")
             if reason:
                 refused.append(Refusal(family.name, place, reason))
             else:
@@ -132,6 +137,17 @@ def list_candidates(
                 except ModelError as error:  # a curve over next to no range
                     refused.append(Refusal(family.name, place, str(error)))
     return out, refused
+
+
+def _list_unmoved(robot: Robot, motions: Sequence[Motion]) -> set[str]:
+    """Return the passive joints whose motion may come from the digits of the robot file."""
+
+    def largest_speed(axis: Axis) -> float:
+        largest = (np.abs(robot.along(axis, m.v)).max() for m in motions)
+        return float(max(largest, default=0.0))
+
+    fastest = max(map(largest_speed, robot.axes), default=0.0)
+    return {axis.name for axis in robot.passive_axes if largest_speed(axis) < ROUNDED * fastest}
 
 
 def _refuse(robot: Robot, family: Family, present: Present, fixed: bool) -> str:

@@ -19,6 +19,7 @@ from identifiability.foundation.keyed import explain_combination
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
+    ROUNDED,
     SPAN_TOLERANCE,
     TINY,
     or_one,
@@ -44,9 +45,6 @@ from .regression import Model, Regression, compute_blocks
 if TYPE_CHECKING:
     import pandas as pd
 
-
-#: Columns of bodies below this share of the others may come from five digits of a robot file.
-ROUNDED = np.sqrt(RANK_TOLERANCE)
 
 # Base parameters: which parameters a motion can determine at all, and which only in combination.
 #

@@ -28,6 +28,7 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Column, Note
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, Level, fill, phrase
+from identifiability.foundation.linalg import ROUNDED
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.rounding import REACH, format_number, join, stated_text
@@ -35,7 +36,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.logs.prepare import Dataset
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.structure import ROUNDED, BaseParameters, Structure
+from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot.robot import Robot, last_bodies
 from identifiability.workflows.predict import Fit
 from identifiability.workflows.wrong_bodies import WrongBodies, find_wrong_bodies, find_wrong_zero
