@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from identifiability import Analysis, Noise, Preparation, Robot, analyze, diagnose, prune
 from identifiability.estimation.verdict import Class
+from identifiability.foundation.findings import Finding
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report.answers.commands import export_line
 from identifiability.workflows.export.workflow import save_robot
@@ -132,9 +133,12 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(
     small = {n: 0.05 * x for n, x in two_link.nominal.items() if "link2." in n}
     file = save_robot(two_link, small, tmp_path / "light.xml")
     sprung = replace(log, tau=log.tau + np.array([0.0, 0.3]) * log.q**3)
-    light, lacks = (analyze(file, x, "none", replicates=0).warnings for x in (log, sprung))
-    assert "Does link2 carry a tool or load that the file lacks?" in light[-1]
-    assert "The model may lack torque that depends on position in elbow" in lacks[-1]
+    light, lacks = (analyze(file, x, "none", replicates=0) for x in (log, sprung))
+    assert "Does link2 carry a tool or load that the file lacks?" in light.warnings[-1]
+    assert "The model may lack torque that depends on position in elbow" in lacks.warnings[-1]
+    play = Finding("odd_joint", what="", share=90, then="", play=["elbow"])
+    (repair,) = replace(lacks, hints=[play]).warnings
+    assert "Play in the gear of elbow may change these values" in repair
     arm = Robot.load("palletizer")
     file = save_robot(arm, {n: 0.05 * x for n, x in arm.nominal.items()}, tmp_path / "small.xml")
     small = analyze(file, simulated_session(arm.name, "a", samples=400), "none", replicates=0)

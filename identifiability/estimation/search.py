@@ -656,7 +656,7 @@ def find_missing(
     hides_delays = irregular or (robot.servo is not None and robot.servo.slide.any())
     families = [f for f in every if not (hides_delays and f.name == CommandDelay.name)]
     whole = Missing.of(regression, families, structure.present)
-    spoilt = _share_a_link(robot, play)
+    spoilt = share_a_link(robot, play)
     missing = replace(whole, seen=whole.seen.leave_out(spoilt))
     if commanded or robot.base is not None:
         missing = missing.between_reversals()
@@ -706,7 +706,7 @@ def _conclude_named(judged: Judged, robot: Robot) -> MissingEffects:
     return _conclude(judged.search, judged.search.model.update_terms(kept))
 
 
-def _share_a_link(robot: Robot, joints: Collection[str]) -> np.ndarray:
+def share_a_link(robot: Robot, joints: Collection[str]) -> np.ndarray:
     """Return which joints are some joints, or share a link with one of them, (n,) bool."""
     tree = robot.tree.joints
     own = {k for k, joint in enumerate(tree) if not {*joints}.isdisjoint(joint.dofs)}

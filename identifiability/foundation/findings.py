@@ -180,6 +180,11 @@ def of_key(texts: Iterable[str], *keys: str) -> list[Finding]:
     return [x for x in found if not keys or x.key in keys]
 
 
+def joints_with_play(texts: Iterable[str]) -> list[str]:
+    """Return the joints whose gear has play, as findings state."""
+    return [joint for x in of_key(texts, "odd_joint") for joint in x.numbers["play"]]
+
+
 def merge_subjects(found: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return findings, of those that differ in their subject alone one that names all subjects."""
     alike: dict[tuple[str, str], list[Finding]] = {}

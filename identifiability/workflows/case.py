@@ -46,7 +46,7 @@ from identifiability.estimation.mixed_model import EVERYWHERE, Terms
 from identifiability.estimation.motion import MotionChoice, choose_motion, read_records
 from identifiability.estimation.search import find_missing
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.findings import Finding, of_key, phrase
+from identifiability.foundation.findings import Finding, joints_with_play, of_key, phrase
 from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Strings
 from identifiability.foundation.options import OptionError
@@ -242,8 +242,6 @@ class Data(OfStructure):
         commanded = bool(of_key(self.hints, "commands"))
         # Where commands were lost.
         irregular = bool(of_key(self.hints, "irregular"))
-        odd = of_key(self.hints, "odd_joint")
-        play = [joint for x in odd for joint in x.numbers["play"]]
         rolled = self.recordings.rolled
         return find_missing(
             self.structure,
@@ -252,7 +250,7 @@ class Data(OfStructure):
             commanded=commanded,
             irregular=irregular,
             known=self.lacked,
-            play=play,
+            play=joints_with_play(self.hints),
             own_delays=None if rolled is None else rolled.own_delays,
         )
 

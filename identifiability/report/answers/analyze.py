@@ -22,7 +22,7 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of, to_row
 from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
 from identifiability.foundation.errors import listing
-from identifiability.foundation.findings import Finding, of_key
+from identifiability.foundation.findings import Finding, joints_with_play, of_key
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
@@ -188,7 +188,8 @@ class LadderedPresenter(PredictingPresenter):
         values = np.array([v.value for v in verdicts])
         known = values, np.array(stated), np.array(judged)
         missing = [(t.group.family, describe_term(t)) for t in result.missing.ordered]
-        contradicted = state_contradicted(result.fit, result.full.submodel, *known, missing)
+        play = joints_with_play(result.hints)
+        contradicted = state_contradicted(result.fit, result.full.submodel, *known, missing, play)
         return (*super().warnings(), *self._uneven_logs(), *contradicted)
 
     def _uneven_logs(self) -> Strings:

@@ -25,9 +25,10 @@ from identifiability.effects.springs import (
 )
 from identifiability.estimation.groups import shorten_places
 from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.estimation.search import share_a_link
 from identifiability.foundation.answers import Answer, Column, Note
 from identifiability.foundation.errors import listing
-from identifiability.foundation.findings import Finding, Level, fill, phrase
+from identifiability.foundation.findings import Finding, Level, fill, joints_with_play, phrase
 from identifiability.foundation.linalg import ROUNDED
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import Presenter
@@ -290,12 +291,15 @@ class PredictingPresenter(AnsweringPresenter):
     def warnings(self) -> Strings:
         """Return the findings on the logs, and on one joint that errs far more than others.
 
-        Nothing is wrong with a joint whose error is mainly noise of its torque.
+        Nothing is wrong with a joint whose error is mainly noise of its torque, or play.
         """
         error, each, rms = self.errors()
         noise = self.noise()
-        unexplained = np.where(is_noise(rms, noise), np.nan, each)
-        joints = self.result.robot.joints
+        robot = self.result.robot
+        joints = robot.joints
+        # Play is stated already, with its remedy.
+        play = share_a_link(robot, joints_with_play(self.result.hints))
+        unexplained = np.where(is_noise(rms, noise) | play, np.nan, each)
         commanded = noise is None or bool(np.isnan(noise).all())
         diagnosed = self.verb == "diagnose"
         holes = {"commanded": commanded, "diagnosed": diagnosed}
@@ -572,6 +576,7 @@ def state_contradicted(
     stated: Array,
     sigma: Array,
     missing: Sequence[tuple[str, str]],
+    play: Sequence[str],
 ) -> list[Finding]:
     """Return the bodies of the robot file that the logs contradict, the surest and largest first.
 
@@ -589,6 +594,8 @@ def state_contradicted(
         By the logs, by the file, and the standard error of the first; nan where unknown.
     missing : sequence of (str, str)
         Families of effects that the model may lack, each with its name and place in words.
+    play : sequence of str
+        Joints whose gear has play.
     """
     base = fit.structure.base
     wrong = find_wrong_bodies(fit)
@@ -621,6 +628,8 @@ def state_contradicted(
     apart = np.nan_to_num(values - stated)
     zero = find_wrong_zero(fit.structure, submodel, apart, compared)
     advice = _advise(wrong, zero, last_bodies(fit.robot), effects, impossible=impossible)
+    if play:
+        advice = phrase("contradicted", "play", joints=play)
     floats = wrong.change <= 0 and bool((np.abs(values) < np.abs(stated))[listed].all())
     where = "at" if springs else "floats" if floats else "anywhere"
     look = phrase("contradicted", where, joints=springs)

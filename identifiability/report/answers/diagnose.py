@@ -19,6 +19,7 @@ from identifiability.effects.base import GravityTilt, apply_tilt
 from identifiability.estimation.rules import RULES
 from identifiability.estimation.verdict import other_terms
 from identifiability.foundation.answers import Answer, Cell, Note, Table
+from identifiability.foundation.findings import joints_with_play
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array, NumberByName, Strings, name_each
@@ -173,7 +174,8 @@ class DiagnosisPresenter(PredictingPresenter):
         stated = result.completed.nominal_base
         possible = [(x.name, name_place(x.name, x.place)) for x in result.possible]
         known = fit.base, stated, sigma
-        return (*seen, *state_contradicted(fit, full_model(base), *known, possible))
+        play = joints_with_play(result.hints)
+        return (*seen, *state_contradicted(fit, full_model(base), *known, possible, play))
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""
