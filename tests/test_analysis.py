@@ -120,8 +120,8 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(
     simulated_session, tmp_path, two_link
 ):
     log = simulated_session("two-link", "a", samples=400)
-    true = analyze("two-link", log, replicates=0).file_frame().set_index("name")["logs"]
-    assert set(true) == {"agrees", "not determined"}
+    true = analyze("two-link", log, replicates=0).file_frame()
+    assert set(true["logs"]) == {"agrees", "not determined"}
     odd = analyze("two-link", replace(log, tau=0.01 * log.tau), replicates=0)
     assert odd.answers()[2].tone == "amber"
     assert 'side = "motor"' in " ".join(odd.warnings)
@@ -137,8 +137,7 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(
     assert "Does link2 carry a tool or load that the file lacks?" in light.warnings[-1]
     assert "The model may lack torque that depends on position in elbow" in lacks.warnings[-1]
     play = Finding("odd_joint", what="", share=90, then="", play=["elbow"])
-    (repair,) = replace(lacks, hints=[play]).warnings
-    assert "Play in the gear of elbow may change these values" in repair
+    assert "Play in the gear of elbow may" in replace(lacks, hints=[play]).warnings[-1]
     arm = Robot.load("palletizer")
     file = save_robot(arm, {n: 0.05 * x for n, x in arm.nominal.items()}, tmp_path / "small.xml")
     small = analyze(file, simulated_session(arm.name, "a", samples=400), "none", replicates=0)
@@ -152,7 +151,7 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(
     assert abs(frame["value"]["elbow.Fv"] / two_link.nominal["elbow.Fv"] - 1) < 0.1
     table = found.tables()[-1]
     assert table.caption.startswith("Which numbers of the robot file may I believe? ")
-    assert [row["name"] for row in found.to_dict()["file"]] == list(frame.index)
+    assert [row["name"] for row in found.to_dict()["file"]] == [*frame.index]
     assert table.caption in found.write_report(tmp_path / "page.html").read_text()
 
 

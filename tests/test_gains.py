@@ -50,8 +50,7 @@ WHAT = {"mass": 3.0, "centre": (0.3, 0.02, 0.0), "inertia": (0.01, 0.02, 0.02)}
 
 @pytest.mark.parametrize("inertia", [WHAT["inertia"], None])
 def test_a_known_load_tells_the_gain_of_each_joint(inertia, made):
-    robot, empty, loaded = made
-    found = payload(robot, empty, loaded, **{**WHAT, "inertia": inertia})
+    found = payload(*made, **{**WHAT, "inertia": inertia})
     for g in found.gains:
         true = TRUE[g.name]
         assert g.value == pytest.approx(true, rel=0.05)
@@ -68,9 +67,8 @@ def test_a_known_load_tells_the_gain_of_each_joint(inertia, made):
 
 def test_a_wrong_load_gives_gains_that_are_wrong_by_its_mass(made):
     """Where a load acts by its weight, twice the mass is half the torque of one unit."""
-    robot, empty, loaded = made
     half = {**WHAT, "mass": 1.5, "inertia": (0.005, 0.01, 0.01)}
-    right, wrong = (payload(robot, empty, loaded, **load).gains for load in (WHAT, half))
+    right, wrong = (payload(*made, **load).gains for load in (WHAT, half))
     for g, h in zip(right, wrong, strict=True):
         assert h.value == pytest.approx(0.5 * g.value, rel=0.01)
 

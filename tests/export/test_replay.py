@@ -76,7 +76,7 @@ def test_other_engines_find_the_stated_errors(name, what, tmp_path):
     if what == "zeroed":
         for joint in robot.joints:
             kinds = ("Fv", "Fc", "Fc+", "Fc-")
-            assert [found.robot.nominal[f"{joint}.{kind}"] for kind in kinds] == [0.0] * 4
+            assert not any(found.robot.nominal[f"{joint}.{kind}"] for kind in kinds)
 
 
 def test_an_effect_with_a_shape_comes_back_and_its_torque_is_said_with_one_article(tmp_path):
@@ -87,12 +87,11 @@ def test_an_effect_with_a_shape_comes_back_and_its_torque_is_said_with_one_artic
     assert found.robot.nominal["elbow.Fs"] == parameters["elbow.Fs"] > 0
     (file,) = draw_robots(result.robot, result.fit, 1).write(tmp_path / "drawn.xml")
     assert "Each drawn file cannot hold Stribeck friction (shoulder.Fs, elbow" in file.read_text()
-    shapes = found.robot.shapes
-    assert Robot.load(file).shapes == shapes
-    assert shapes["shoulder.stribeck_friction"] == 0.4
-    assert shapes["elbow.stribeck_friction_exponent"] == 2.0
-    assert "cannot hold Stribeck friction (shoulder.Fs, elbow.Fs), up to 7.98 N·m in shoulder" in (
-        found.exported.statement
+    shapes = Robot.load(file).shapes
+    assert shapes == found.robot.shapes
+    assert {*shapes.values()} == {0.4, 2.0}
+    assert (
+        "friction (shoulder.Fs, elbow.Fs), up to 7.98 N·m in shoulder" in found.exported.statement
     )
     for family in FAMILIES.values():
         said = phrase("exported", "in_sidecar", file="a", effects=[family.title], peak="")
