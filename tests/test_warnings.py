@@ -125,9 +125,9 @@ def test_a_joint_that_errs_far_more_than_all_together_is_in_the_headline(verb, s
 def test_one_useless_joint_leaves_the_torque_of_the_others_useful():
     result = SimpleNamespace(robot=SimpleNamespace(joints=("a", "b")))
     says = {"result": result, "grade_uses": lambda: "useless", "reserved": lambda: False}
-    for error, whose in ((0.15, "the torque of b: a"), (0.55, "its torque: a")):
+    for error, whose in ((0.15, "the torque of b: more"), (0.55, "its torque: more")):
         own = SimpleNamespace(**says, errors=lambda e=error: (e, np.array([0.1, 0.6]), None))
-        assert f"Do not use {whose} constant" in PredictingPresenter.state_uses(own)
+        assert f"Do not use {whose} than" in PredictingPresenter.state_uses(own)
 
 
 @pytest.mark.parametrize("verb", [ALSO, "diagnose", "predict"])

@@ -398,7 +398,7 @@ class PredictingPresenter(AnsweringPresenter):
 
 
 def list_useless(presenter: PredictingPresenter) -> list[str]:
-    """Return the joints whose torque a constant predicts as well."""
+    """Return the joints of which more than half of the torque variation is not predicted."""
     joints = presenter.result.robot.joints
     errors = presenter.errors()[1].tolist()
     return [joint for joint, error in zip(joints, errors, strict=True) if error > RULES.grades[-1]]
