@@ -559,7 +559,8 @@ def _state_looks(d: Diagnosis, noise: Array | None) -> str:
     where, best = max(most.explained.items(), key=lambda x: x[1])
     sizes = np.array([x.rms for x in d.discrepancies])
     known = np.zeros(1) if noise is None else noise
-    ratios = sizes / np.where(known > 0, known, np.inf)
+    # The noise of a torque that was smoothed before it was logged is not known.
+    ratios = sizes / np.where(known > ROUNDOFF * sizes, known, np.inf)
     worst = int(ratios.argmax())
     larger = bool(ratios[worst] > REACH)
     part = "depends" if best >= VISIBLE else "unknown" if larger else "noise"
