@@ -340,8 +340,7 @@ class PredictingPresenter(AnsweringPresenter):
         if self.reserved() and tone == "green":
             tone = "grey"
         # A filter makes a difference.
-        filtered = np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6)
-        noisier = sentence("quality", "raw", raw=raw) if filtered else ""
+        noisier = sentence("quality", "raw", raw=raw) if raw > (1 + 1e-6) * error else ""
         about = sentence("laddered.measured", "about")
         uses = self.state_uses()
         grave = uses if list_useless(self) else ""  # a reader must not miss it
