@@ -102,8 +102,8 @@ class Verdict:
 
     @property
     def word(self) -> str:
-        """The verdict with its flags."""
-        return ", ".join((self.verdict, *self.flags))
+        """The verdict with its flags, which replace it where nothing can be judged."""
+        return ", ".join((self.verdict, *self.flags)[Flag.NOT_JUDGED in self.flags :])
 
     @property
     def place(self) -> str:
