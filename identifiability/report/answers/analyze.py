@@ -22,7 +22,7 @@ from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of, to_row
 from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
 from identifiability.foundation.errors import listing
-from identifiability.foundation.findings import Finding, joints_with_play, of_key
+from identifiability.foundation.findings import joints_with_play, of_key
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Strings
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
@@ -301,11 +301,13 @@ class AnalysisPresenter(LadderedPresenter):
     def asked(self) -> tuple[Answer, ...]:
         """Return the recommended model, its error, its reliability, and the profiled numbers."""
         result = self.result
-        profiles = [curve for curve in result.profiles if not is_width(curve)]
-        shown = bool(of_key(result.hints, "alternative"))
+        # The answer on trust has the errors of measurement that the logs show.
+        shown = (".lead", ".delay") if of_key(result.hints, "alternative") else ()
+        named = (x for x in result.profiles if not is_width(x))
+        profiles = [x for x in named if not x.number.name.endswith(shown)]
         if not profiles:
             return super().asked()
-        profiled = answer_profiles(profiles, result.shapes, shown)
+        profiled = answer_profiles(profiles, result.shapes)
         lacks = result.missing.functions
         if lacks:
             as_it_is = sentence("analysis.bounds", "lacks", lacks=lacks)
@@ -516,7 +518,8 @@ def answer_doubt(result: Laddered[Any]) -> Answer:
     if doubt or not odd:
         return usual
     # What the fit has accounted for does not lead where the model lacks an effect.
-    if missing and all(isinstance(x, Finding) and x.numbers.get("play") == [] for x in odd):
+    modelled = of_key(result.hints, "alternative", "odd_joint")
+    if missing and {*odd} <= {*modelled} and not joints_with_play(result.hints):
         return replace(usual, text=list_points(usual.text, *odd))
     # One answer says once that care is needed.
     prefix = sentence("trust", "care", grave="").rstrip(".")
@@ -650,12 +653,9 @@ def state_weight(result: Laddered[Any]) -> str:
     total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
     for v in result.full.verdicts:
         if v.name in total and np.isfinite(v.sigma_label):
-            holes: dict[str, Any] = {
-                "title": result.robot.title,
-                "file": float(structure.nominal @ masses),
-            }
             value = measured(v.value, v.sigma_label, "kg")
-            return sentence("decision.weight", value=value, **holes)
+            file = float(structure.nominal @ masses)
+            return sentence("decision.weight", title=result.robot.title, value=value, file=file)
     return ""
 
 
@@ -765,8 +765,7 @@ def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
     if len(samples) == 1:
         return (each,)
     of_logs = errors[errors["of"] == "log"]
-    name = [s.name for s in samples]
-    logs = of_logs.assign(name=name)
+    logs = of_logs.assign(name=[s.name for s in samples])
     return each, make_table("logs", logs.itertuples())
 
 

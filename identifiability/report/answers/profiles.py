@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from identifiability.effects import FAMILIES, title_of
 from identifiability.effects.effect import EXPONENT
@@ -14,27 +13,11 @@ from identifiability.foundation.rounding import format_number
 from .common import answer, sentence
 
 
-def answer_profiles(
-    profiles: Sequence[Profile], shapes: Mapping[str, float], shown: bool
-) -> Answer:
-    """Return the regions of all profiles, and which stated shapes lie outside of them.
-
-    Parameters
-    ----------
-    profiles, shapes
-    shown : bool
-        Whether the logs show the errors of measurement that the model has: together they are not
-        zero, even if one of them may be.
-    """
+def answer_profiles(profiles: Sequence[Profile], shapes: Mapping[str, float]) -> Answer:
+    """Return the regions of all profiles, and which stated shapes lie outside of them."""
     said = list[str]()
-    further = list[str]()
     for curve in profiles:
-        misread = shown and curve.number.name.endswith((".lead", ".delay"))
-        region = state_region(curve, limits=not misread)
-        if misread and said:  # one shows the order of size
-            further.append(region)
-            continue
-        said.append(region)
+        said.append(region := state_region(curve))
         stated = shapes.get(curve.number.name, curve.region[0])
         rounded = format_number(stated, 3)
         if not curve.region[0] <= stated <= curve.region[1] and f" {rounded} " not in region:
@@ -42,10 +25,11 @@ def answer_profiles(
             power = shapes.get(f"{curve.number.name}{EXPONENT}")
             more = f",{power:g}" if power else ""
             best = f"{family}@{place}:{curve.best:.3g}{more}"
-            holes = {"stated": rounded, "unit": curve.number.unit, "best": best}
-            said.append(sentence("analysis.bounds", "excluded", **holes))
-    short = answer("analysis.bounds", "found", regions=" ".join(said))
-    return replace(short, more=" ".join(further))
+            unit = curve.number.unit
+            said.append(
+                sentence("analysis.bounds", "excluded", stated=rounded, unit=unit, best=best)
+            )
+    return answer("analysis.bounds", "found", regions=" ".join(said))
 
 
 def is_width(curve: Profile) -> bool:
@@ -54,18 +38,14 @@ def is_width(curve: Profile) -> bool:
     return family is not None and family.flexible
 
 
-def state_region(curve: Profile, *, limits: bool = True) -> str:
+def state_region(curve: Profile) -> str:
     """Return the 95 % region of a number, and simpler models that the logs do not exclude."""
     lower, upper = (format_number(end, 3) for end in curve.region)
-    part = {
-        (False, False): "both",
-        (True, False): "most",
-        (False, True): "least",
-        (True, True): "open",
-    }[curve.open]
+    below, above = curve.open
+    part = (("both", "least"), ("most", "open"))[below][above]
     holes = {"name": curve.number.name, "unit": curve.number.unit, "lower": lower, "upper": upper}
     region = sentence("analysis.bounds", part, **holes)
-    return " ".join([region, *state_limits(curve)]) if limits else region
+    return " ".join([region, *state_limits(curve)])
 
 
 def state_limits(curve: Profile) -> list[str]:
@@ -73,13 +53,12 @@ def state_limits(curve: Profile) -> list[str]:
     place, _, family = curve.number.name.rpartition(".")
     if family not in FAMILIES:
         zero = curve.open[0] and curve.number.least == 0
-        if zero:
-            return [sentence("analysis.bounds", "zero", name=curve.number.name)]
-        return []
+        return [sentence("analysis.bounds", "zero", name=curve.number.name)] if zero else []
     limits = [x for x, is_open in zip(curve.number.limits, curve.open, strict=True) if is_open]
-    sentences = list[str]()
-    for limit in dict.fromkeys(limits):
-        part = "instead" if limit else "without"
-        holes = {"effect": title_of(family), "place": place, "limit": title_of(limit)}
-        sentences.append(sentence("analysis.bounds", part, **holes))
-    return sentences
+    holes = {"effect": title_of(family), "place": place}
+    return [
+        sentence(
+            "analysis.bounds", "instead" if limit else "without", limit=title_of(limit), **holes
+        )
+        for limit in dict.fromkeys(limits)
+    ]

@@ -42,7 +42,7 @@ def test_a_shape_is_profiled_unasked_and_its_region_holds_the_truth(found):
     assert f"{SHAPE} is between" in found.statement
     assert "The model has 0.5 rad/s (as stated, or else" in found.statement
     assert "too narrow: it lacks smooth (sigmoid) friction in elbow" in found.details
-    ends = answer_profiles(found.profiles, {SHAPE: lower - 1e-9}, shown=False)
+    ends = answer_profiles(found.profiles, {SHAPE: lower - 1e-9})
     assert "exclude" not in ends.short + ends.text  # with the digits that are shown
     assert plot.profile(found, SHAPE).axes
 
