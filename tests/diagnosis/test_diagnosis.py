@@ -24,7 +24,7 @@ def diagnosis(diagnosis_of):
 
 def test_the_statement_says_effect_joints_odds_and_how_far_the_gap_shrinks(diagnosis):
     text = diagnosis.details
-    assert text.startswith("What is missing? Stribeck friction in slider1 and slider3, up to ")
+    assert text.startswith("What is missing? Stribeck friction in slider3 and slider1, up to ")
     assert "goes from" in text
     sizes = [row[2].text.partition(" = ")[2] for row in diagnosis.tables()[0].rows]
     assert any(size in text for size in sizes)

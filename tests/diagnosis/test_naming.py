@@ -175,7 +175,7 @@ def test_an_effect_of_another_joint_is_no_other_name(logs_of, named, monkeypatch
 def test_friction_of_some_passive_joints_keeps_all_in_the_model_and_none_below_zero(diagnosis_of):
     few = ("passive_joint_friction", "torque_offset")
     (found,) = diagnosis_of("3-rps", "passive_joint_friction=0.012", effects=few).effects
-    assert found.joints == ("hinge1", "ball1_x", "ball1_y")
+    assert {*found.joints} == {"hinge1", "ball1_x", "ball1_y"}
     assert len(found.placements) == 6
     assert min(p.values.min() for p in found.placements) == 0.0
 

@@ -860,7 +860,8 @@ def _restate_tilt(d: Diagnosis) -> Diagnosis:
 def _place_families(naming: Naming) -> list[dict[int, Placement]]:
     """Return the placements of each named family by their part, that which explains most first.
 
-    Effects that the case has found go before those of the search.
+    Effects that the case has found go before those of the search. Of the placements of a family the
+    largest torque goes first.
     """
     families = defaultdict[str, dict[int, Placement]](dict)
     for k, part in enumerate(naming.parts):
@@ -868,7 +869,7 @@ def _place_families(naming: Naming) -> list[dict[int, Placement]]:
     started = {t.group.family for t in naming.problem.found}
     odds = {name: max(p.odds for p in own.values()) for name, own in families.items()}
     order = sorted(families, key=lambda name: (name not in started, -odds[name]))
-    return [families[name] for name in order]
+    return [dict(sorted(families[name].items(), key=lambda x: -x[1].peak)) for name in order]
 
 
 def _list_effects(
