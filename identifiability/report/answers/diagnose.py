@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
@@ -57,6 +57,7 @@ from .common import (
     command,
     join_sentences,
     kind_columns,
+    list_points,
     sentence,
     state_contradicted,
     torque_noise,
@@ -359,7 +360,8 @@ def _answer_missing(d: Diagnosis) -> Answer:
     # A level over Coulomb friction is easily read as the whole static friction.
     first = [find_family(e.name).needs for e in d.effects[: len(named) == 1]]
     over = sentence(about, "over") if "coulomb_friction" in first else ""
-    text = join_sentences(over, _state_search(d))
+    more = [f"{capital(name)}." for name in named[1:] if len(named) > 2 and not weak]
+    text = list_points(join_sentences(over, _state_search(d)), *more)
     if named and weak:
         likeliest = capital(_name_missing(named))
         text = join_sentences(sentence(about, "likeliest", names=likeliest), text)
@@ -440,22 +442,23 @@ def list_names(e: NamedEffect) -> list[str]:
     An alternative has its own place where that is another.
     """
     rivals = [r for p in e.placements for r in p.rivals]
-    others = [title_of(r.family) if r.place in e.joints else name_place(*r) for r in rivals]
-    return list(dict.fromkeys([name_place(e.name, name_places(e)), *others]))
+    first = name_place(e.name, name_places(e))
+    return list(dict.fromkeys([first, *_name_rivals(rivals, e.joints)]))
+
+
+def _name_rivals(rivals: Sequence[tuple[str, str]], places: Strings) -> list[str]:
+    """Return the names of alternatives at some places, then those elsewhere with their place."""
+    there = [title_of(family) for family, place in rivals if place in places]
+    return [*there, *(name_place(*rival) for rival in rivals if rival[1] not in places)]
 
 
 def name_effect(e: NamedEffect) -> str:
     """Return the name of an effect and its likeliest alternatives."""
-    return " or ".join(_likeliest(e))
-
-
-def _likeliest(e: NamedEffect) -> list[str]:
-    """Return the name of an effect and its likeliest alternatives, one by one."""
     names = list_names(e)
     more = len(names) - LIKELIEST
     if more > 0:
         names[LIKELIEST:] = [sentence("diagnosis.missing", "more", more=more)]
-    return names
+    return " or ".join(names)
 
 
 def _state_size(d: Diagnosis, e: NamedEffect) -> str:
@@ -541,15 +544,19 @@ def _answer_gap(d: Diagnosis) -> Answer:
 
 
 def _state_joint(d: Diagnosis) -> str:
-    """Return the error of the first joint with a named effect, without and with all of them."""
+    """Return the errors of the joints in which all named effects lower and raise it most."""
     each = ((e.name, p.place) for e in d.effects[: d.included] for p in e.placements)
     places = [joint for name, place in each for joint in joints_of(name, place)]
     errors = d.error_frame().dropna()
     own = errors[errors["joint"].isin(places)]
     if own.empty:
         return ""
-    joint, before, after = own[["joint", "before", "after"]].iloc[0]
-    return sentence("diagnosis.explained", "joint", joint=joint, before=before, after=after)
+    about = "diagnosis.explained"
+    order = own.assign(rise=own["after"] - own["before"]).sort_values("rise")
+    first, last = (dict(order.iloc[k]) for k in (0, -1))
+    rises = last != first and last["rise"] > VISIBLE * last["before"]
+    more = sentence(about, "rises", **last) if rises else ""
+    return join_sentences(sentence(about, "joint", **first), more)
 
 
 def _state_looks(d: Diagnosis, noise: Array | None) -> str:
@@ -613,13 +620,10 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
         equation = find_family(e.name).effect.equation
         for p in e.placements:
             here = name_place(e.name, p.place)
-            rivals = [
-                title_of(r.family) if r.place == p.place else name_place(*r) for r in p.rivals
-            ]
             if p is not e.placements[0]:
                 equation, here = "", shorten_title(here)
-            others = " ".join(f"or {rival}" for rival in rivals)
-            small = others if len(rivals) > 1 else ""
+            others = " ".join(f"or {rival}" for rival in _name_rivals(p.rivals, (p.place,)))
+            small = others if len(p.rivals) > 1 else ""
             note = "; ".join(filter(None, (equation, small)))
             title = here if small else f"{here} {others}".rstrip()
             name = Cell(capital(title), note=note)
