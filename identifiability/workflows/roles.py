@@ -30,11 +30,10 @@ def assign_roles(recordings: Recordings) -> Recordings:
     fitted = recordings.fitted
     held_out = recordings.held_out
     if held_out:
-        verified_on = join([log.name for log in held_out])
-        return replace(recordings, verified_on=verified_on)
+        return replace(recordings, verified_on=join([log.name for log in held_out]))
     if len(fitted) > 1:
         last = fitted[-1]
-        words = f"{last.name}, which was set aside"
+        words = f"{last.name} (set aside)"
         return replace(
             recordings, fitted=fitted[:-1], held_out=(last,), verified_on=words, set_aside=True
         )
@@ -77,7 +76,7 @@ def _divide_log(log: Log) -> tuple[Log, Log, str]:
     end, start = divide(last - first)
     fit = log.rows(0, first + end, f"{log.name}{PART}1")
     verify = log.rows(first + start, len(log), f"{log.name}{PART}2")
-    return fit, verify, f"the last {100 * LAST:.0f} % of {log.name}, set aside"
+    return fit, verify, f"the last {100 * LAST:.0f} % of {log.name} (set aside)"
 
 
 def _find_motion(log: Log) -> tuple[int, int]:

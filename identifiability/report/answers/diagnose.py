@@ -192,8 +192,7 @@ class DiagnosisPresenter(PredictingPresenter):
         placed = [(p.place, e.name) for e in result.effects for p in e.placements]
         named = {j: title_of(name) for at, name in placed for j in joints_of(name, at)}
         for row in joints:
-            note = named.get(row["joint"], "")
-            row["joint"] = Cell(row["joint"], note=note)
+            row["joint"] = Cell(row["joint"], note=named.get(row["joint"], ""))
         return (*tables, make_table("gap", joints))
 
     def cautions(self) -> tuple[Note, ...]:
@@ -237,8 +236,7 @@ class DiagnosisPresenter(PredictingPresenter):
             for p in e.placements:
                 details = {"effect": e.name, "joint": p.place, "log_odds": p.odds}
                 reason = sentence(about, "odds", name=name_effect(e), odds=p.odds)
-                rows = name_estimates(p.rows, verdict=verdict, reason=reason, details=details)
-                yield from rows
+                yield from name_estimates(p.rows, verdict=verdict, reason=reason, details=details)
 
     def frame(self) -> pd.DataFrame:
         """Return one row for every named effect and place."""
@@ -249,8 +247,7 @@ class DiagnosisPresenter(PredictingPresenter):
                 which = (", ".join(e.alternatives), e.before, e.after)
                 rows += [(*where, *row, *which) for row in p.rows]
         place = "effect joint shape log_odds"
-        parameter = "parameter value error unit"
-        columns = f"{place} {parameter} or before after".split()
+        columns = f"{place} parameter value error unit or before after".split()
         return by_name(pd.DataFrame(rows, columns=columns))
 
     def error_frame(self) -> pd.DataFrame:
@@ -303,18 +300,17 @@ def _choose_reason(d: Diagnosis, most: Odds) -> tuple[str, Odds]:
 def _answer_bending(found: Bending) -> Answer:
     """Return which joints bend."""
     about = "diagnosis.bending"
-    question = sentence(about, "question")
     if found.lost:
-        return Answer(question, sentence(about, "lost", why=found.lost), "", "grey")
+        return answer(about, "lost", why=found.lost)
     if not found.joints:
         told = sentence(about, "told", band=found.band, bandwidth=found.bandwidth)
-        return Answer(question, sentence(about, "none"), "", "green", more=told)
+        return replace(answer(about, "none"), more=told)
     each = [
         sentence(about, "one", joint=x.joint, resonance=measured(x.resonance, x.resonance_sd, "Hz"))
         for x in found.joints
     ]
     how = sentence(about, "how", bandwidth=found.bandwidth)
-    return Answer(question, f"{join(each, NAMED, 'joints')}.", "", "vermilion", more=how)
+    return replace(answer(about, "found", joints=join(each, NAMED, "joints")), more=how)
 
 
 def _list_bending(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
@@ -525,8 +521,7 @@ def _answer_gap(d: Diagnosis) -> Answer:
         text = sentence(about, "measured", verified=d.verified_on, model=model)
         if d.effects:
             text += sentence(about, "useless", count=d.effects)
-        part = "tilted" if _state_turned(d) else "stays"
-        return answer(about, part, text, error=d.held_before)
+        return answer(about, "tilted" if _state_turned(d) else "stays", text, error=d.held_before)
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     holes: dict[str, Any] = {"verified": d.verified_on, "ends": " … ".join(ends)}
     interval = sentence(about, "interval", **holes) if any(d.interval) else ""
@@ -539,8 +534,8 @@ def _answer_gap(d: Diagnosis) -> Answer:
     tone = "amber" if unsure or moves_worse(d.moved) else "green"
     part = "unsure" if unsure and interval else "falls"
     errors: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
-    told = answer(about, part, text, tone, count=d.effects, interval=interval, **errors)
-    return replace(told, more=more)
+    errors |= {"count": d.effects, "interval": interval}
+    return replace(answer(about, part, text, tone, **errors), more=more)
 
 
 def _state_joint(d: Diagnosis) -> str:
@@ -699,11 +694,9 @@ def _fitted_cell(
     value, sigma, _ = fitted
     notes = []
     if plain is not None:
-        before = stated_text(plain, sigma)
-        notes.append(sentence("values", "plain", value=before))
+        notes.append(sentence("values", "plain", value=stated_text(plain, sigma)))
     if file:
-        stated = stated_text(file)
-        notes.append(sentence("values", "file", value=stated))
+        notes.append(sentence("values", "file", value=stated_text(file)))
     return Cell(measured(*fitted), value, "; ".join(notes))
 
 
