@@ -1346,7 +1346,7 @@ def move_fitted(
             (robot, "fitted model", fitted_values),
         ]
         if rolled and beside:
-            machines.append((robot, "one without what was named", rolled.parameters))
+            machines.append((robot, "model without the named effects", rolled.parameters))
         late = None if unseen or rolled is None else rolled.delays
         runs = tuple(_move(*machine, own, late) for machine in machines)
     except RobotError:
