@@ -103,7 +103,8 @@ class Verdict:
     @property
     def word(self) -> str:
         """The verdict with its flags, which replace it where nothing can be judged."""
-        return ", ".join((self.verdict, *self.flags)[Flag.NOT_JUDGED in self.flags :])
+        words = self.flags if Flag.NOT_JUDGED in self.flags else (self.verdict, *self.flags)
+        return ", ".join(words)
 
     @property
     def place(self) -> str:
