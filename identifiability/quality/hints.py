@@ -15,7 +15,6 @@ from identifiability.foundation.linalg import rms_of
 from identifiability.foundation.names import Array, name_each
 from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.rounding import REACH
-from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
 from identifiability.logs.names import UNITS
 from identifiability.logs.prepare.dataset import Dataset, stands_still
@@ -123,7 +122,7 @@ def _slope(predicted: Array, measured: Array, known: Array) -> float:
 def find_saturation(logs: MeasuredLogs) -> Iterator[Finding]:
     """Yield torque columns that stay at their extreme values while the robot moves."""
     found = {}
-    for rows in (log.shown for log in logs.recordings if not of_commands(log)):
+    for rows in logs.measured:
         moves = np.append(np.diff(rows.q, axis=0).any(1), True)
         for joint, x in zip(rows.joints, rows.tau[moves].T, strict=True):
             of_range = 0.01 * float(np.ptp(x))
@@ -149,8 +148,7 @@ def find_saturation(logs: MeasuredLogs) -> Iterator[Finding]:
 def find_off(logs: MeasuredLogs) -> Iterator[Finding]:
     """Yield stretches in which every torque is zero on average, and a joint still moves."""
     places = []
-    for log in logs.recordings:
-        rows = log.shown
+    for rows in logs.measured:
         split = np.array_split(np.arange(len(rows.t)), 100)
         parts = [part for part in split if len(part)]
         level = np.array([rows.tau[part].mean(0) for part in parts])
@@ -161,9 +159,9 @@ def find_off(logs: MeasuredLogs) -> Iterator[Finding]:
             at = np.concatenate(parts[start:stop])
             # It moves by more than a sensor's noise.
             moves = np.ptp(rows.q[at], axis=0) > 0.01 * np.ptp(rows.q, axis=0)
-            if moves.any() and not of_commands(log):
+            if moves.any():
                 first, last = rows.t[at[[0, -1]]]
-                places.append(phrase("off", "one", log=log.name, first=first, last=last))
+                places.append(phrase("off", "one", log=rows.name, first=first, last=last))
     if places:
         yield Finding("off", where=places)
 

@@ -9,7 +9,6 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import rms_of
 from identifiability.foundation.names import Array, name_each
 from identifiability.foundation.rules import Tolerance
-from identifiability.logs.commands import of_commands
 from identifiability.logs.rules import RULES
 
 from .registry import Does, MeasuredLogs, check
@@ -38,14 +37,12 @@ def find_magnitudes(logs: MeasuredLogs) -> Iterator[Finding]:
 
 def may_be_magnitudes(logs: MeasuredLogs) -> Array:
     """Return whether the torque column of each joint is never negative, but nearly zero, (n,)."""
-    recordings = [log for log in logs.recordings if not of_commands(log)]
-    if not recordings:
+    if not logs.measured:
         return np.zeros(len(logs.joints), bool)
-    least = np.min([log.shown.tau.min(0) for log in recordings], axis=0)
-    most = np.max([log.shown.tau.max(0) for log in recordings], axis=0)
+    least = np.min([log.tau.min(0) for log in logs.measured], axis=0)
+    most = np.max([log.tau.max(0) for log in logs.measured], axis=0)
     found = (least >= 0) & (least < RULES.small * most)
-    # Logs have no columns of a base that floats.
-    by_joint = name_each(recordings[0].joints, found)
+    by_joint = name_each(logs.measured[0].joints, found)
     return np.array([by_joint.get(joint, False) for joint in logs.joints])
 
 

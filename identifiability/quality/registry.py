@@ -201,6 +201,14 @@ class MeasuredLogs:
         return self.robot.joints
 
     @cached_property
+    def measured(self) -> list[Log]:
+        """Rows as recorded, of logs whose torque was measured; some windows of long logs.
+
+        Their columns are those of `Log.joints`, without axes of a floating base.
+        """
+        return [log.shown for log in self.recordings if not of_commands(log)]
+
+    @cached_property
     def _thinned(self) -> tuple[Motion, Array]:
         # Torque of drives alone is compared with no bodies.
         whole = [s for s in self.samples if not s.motion.drives_alone]
