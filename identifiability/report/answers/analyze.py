@@ -303,8 +303,8 @@ class AnalysisPresenter(LadderedPresenter):
         result = self.result
         # The answer on trust has the errors of measurement that the logs show.
         shown = (".lead", ".delay") if of_key(result.hints, "alternative") else ()
-        named = (x for x in result.profiles if not is_width(x))
-        profiles = [x for x in named if not x.number.name.endswith(shown)]
+        named = {x.number.name: x for x in result.profiles if not is_width(x)}
+        profiles = [x for name, x in named.items() if not name.endswith(shown)]
         if not profiles:
             return super().asked()
         profiled = answer_profiles(profiles, result.shapes)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import zip_longest
+from itertools import chain, starmap, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -541,9 +541,9 @@ def _answer_gap(d: Diagnosis) -> Answer:
 def _state_joint(d: Diagnosis) -> str:
     """Return the errors of the joints in which all named effects lower and raise it most."""
     each = ((e.name, p.place) for e in d.effects[: d.included] for p in e.placements)
-    places = [joint for name, place in each for joint in joints_of(name, place)]
+    joints = chain.from_iterable(starmap(joints_of, each))
     errors = d.error_frame().dropna()
-    own = errors[errors["joint"].isin(places)]
+    own = errors[errors["joint"].isin({*joints})]
     if own.empty:
         return ""
     about = "diagnosis.explained"

@@ -869,7 +869,13 @@ def _place_families(naming: Naming) -> list[dict[int, Placement]]:
     started = {t.group.family for t in naming.problem.found}
     odds = {name: max(p.odds for p in own.values()) for name, own in families.items()}
     order = sorted(families, key=lambda name: (name not in started, -odds[name]))
-    return [dict(sorted(families[name].items(), key=lambda x: -x[1].peak)) for name in order]
+    return [_largest_first(families[name]) for name in order]
+
+
+def _largest_first(placements: dict[int, Placement]) -> dict[int, Placement]:
+    """Return placements in the order of their largest torque."""
+    order = sorted(placements, key=lambda k: -placements[k].peak)
+    return {k: placements[k] for k in order}
 
 
 def _list_effects(
