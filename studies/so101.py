@@ -24,6 +24,7 @@ import pandas as pd
 from shared import data_folder, study_parser, write_answer
 
 from identifiability import analyze, export
+from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.result import Result
 
@@ -123,11 +124,13 @@ def judge_gains(
         export(robot, result.to_json(Path(folder) / "result.json"), file)
         delay = float(result.recordings.rolled.delays.mean())
         joints = result.robot.joints
+        # Rollouts follow every joint, so that no command column is in doubt.
+        blamed = "; ".join(of_key(result.warnings, "uneven"))
         rows = []
         for name in motions:
             log = pd.read_csv(data / f"{name}.csv")
             judged = judge_motion(file, log, joints, delay)
-            rows.append({"gains": gains, "motion": name, **judged})
+            rows.append({"gains": gains, "motion": name, **judged, "blamed": blamed})
     return pd.DataFrame(rows), seconds
 
 
@@ -140,6 +143,7 @@ def failed_checks(frame: pd.DataFrame, seconds: dict[str, dict[str, float]]) -> 
             failed.append(f"{gains}: median error {median:.1f} mrad")
         worse = rows[rows["exported [mrad]"] >= rows["command [mrad]"]]
         failed += [f"{gains}: worse than the command in {motion}" for motion in worse["motion"]]
+        failed += [f"{gains}: {blamed}" for blamed in rows["blamed"].unique() if blamed]
     for gains, times in seconds.items():
         late = {name: x for name, x in times.items() if x > MOST_SECONDS[name]}
         failed += [

@@ -1240,6 +1240,12 @@ class PositionPrediction(Result):
         return np.nanmin(each, axis=0)
 
     @property
+    def followed(self) -> np.ndarray:
+        """Joints of which the fitted robot is nearer to the positions than commands are, (n,)."""
+        nearer: np.ndarray = self.runs[1].errors < self.from_commands
+        return nearer
+
+    @property
     def follows(self) -> bool:
         """Whether the fitted robot is nearer to the measured positions than the commands are."""
         return bool(self.totals[1] < rms_of(self.from_commands[self.alike]))

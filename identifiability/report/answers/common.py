@@ -291,7 +291,8 @@ class PredictingPresenter(AnsweringPresenter):
     def warnings(self) -> Strings:
         """Return the findings on the logs, and on one joint that errs far more than others.
 
-        Nothing is wrong with a joint whose error is mainly noise of its torque, or play.
+        Nothing is wrong with a joint whose error is mainly noise of its torque, or play, or that
+        rollouts follow by its command.
         """
         error, each, rms = self.errors()
         noise = self.noise()
@@ -299,11 +300,17 @@ class PredictingPresenter(AnsweringPresenter):
         joints = robot.joints
         # Play is stated already, with its remedy.
         play = share_a_link(robot, joints_with_play(self.result.hints))
-        unexplained = np.where(is_noise(rms, noise) | play, np.nan, each)
+        explained = is_noise(rms, noise) | play | self.followed()
+        unexplained = np.where(explained, np.nan, each)
         commanded = noise is None or bool(np.isnan(noise).all())
         diagnosed = self.verb == "diagnose"
         holes = {"commanded": commanded, "diagnosed": diagnosed}
         return (*super().warnings(), *state_uneven(error, joints, unexplained, **holes))
+
+    def followed(self) -> np.ndarray:
+        """Return the joints that rollouts by commands follow, (n,) bool."""
+        moved = self.result.moved
+        return np.zeros(len(self.result.robot.joints), bool) if moved is None else moved.followed
 
     def reserved(self) -> bool:
         """Return whether the page states a doubt."""

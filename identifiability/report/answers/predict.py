@@ -78,6 +78,10 @@ class TorquePredictionPresenter(PredictingPresenter):
         """Return the noise of each joint's torque; nan where torque was computed."""
         return np.broadcast_to(self.result.noise, len(self.result.robot.joints))
 
+    def followed(self) -> np.ndarray:
+        """Return no joint: nothing is rolled out."""
+        return np.zeros(len(self.result.robot.joints), bool)
+
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
         result = self.result
