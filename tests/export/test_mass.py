@@ -30,7 +30,7 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(
     mass = total_mass(result.robot, result.chosen.physical.parameters())
     assert mass > 3 * 25.248
     path = result.to_json(tmp_path / "result.json")
-    run = command("export", "3-rps", path, "--out", tmp_path / "x.xml")
+    run = command("export", "3-rps", path, "--out", tmp_path / "x.xml", "--force")
     first = run.output.splitlines()[0]
     assert first.startswith(f"The nearest physically consistent robot weighs {mass:.4g} kg, that")
     assert first.endswith("--set cad_prior=1 keeps it nearer to the file's proportions.")
