@@ -17,7 +17,8 @@ def answer_profiles(profiles: Sequence[Profile], shapes: Mapping[str, float]) ->
     """Return the regions of all profiles, and which stated shapes lie outside of them."""
     said = list[str]()
     for curve in profiles:
-        said.append(region := state_region(curve))
+        region = state_region(curve)
+        said.append(region)
         stated = shapes.get(curve.number.name, curve.region[0])
         rounded = format_number(stated, 3)
         if not curve.region[0] <= stated <= curve.region[1] and f" {rounded} " not in region:
@@ -25,10 +26,8 @@ def answer_profiles(profiles: Sequence[Profile], shapes: Mapping[str, float]) ->
             power = shapes.get(f"{curve.number.name}{EXPONENT}")
             more = f",{power:g}" if power else ""
             best = f"{family}@{place}:{curve.best:.3g}{more}"
-            unit = curve.number.unit
-            said.append(
-                sentence("analysis.bounds", "excluded", stated=rounded, unit=unit, best=best)
-            )
+            holes = {"stated": rounded, "unit": curve.number.unit, "best": best}
+            said.append(sentence("analysis.bounds", "excluded", **holes))
     return answer("analysis.bounds", "found", regions=" ".join(said))
 
 
@@ -41,8 +40,12 @@ def is_width(curve: Profile) -> bool:
 def state_region(curve: Profile) -> str:
     """Return the 95 % region of a number, and simpler models that the logs do not exclude."""
     lower, upper = (format_number(end, 3) for end in curve.region)
-    below, above = curve.open
-    part = (("both", "least"), ("most", "open"))[below][above]
+    part = {
+        (False, False): "both",
+        (True, False): "most",
+        (False, True): "least",
+        (True, True): "open",
+    }[curve.open]
     holes = {"name": curve.number.name, "unit": curve.number.unit, "lower": lower, "upper": upper}
     region = sentence("analysis.bounds", part, **holes)
     return " ".join([region, *state_limits(curve)])
@@ -55,10 +58,9 @@ def state_limits(curve: Profile) -> list[str]:
         zero = curve.open[0] and curve.number.least == 0
         return [sentence("analysis.bounds", "zero", name=curve.number.name)] if zero else []
     limits = [x for x, is_open in zip(curve.number.limits, curve.open, strict=True) if is_open]
-    holes = {"effect": title_of(family), "place": place}
-    return [
-        sentence(
-            "analysis.bounds", "instead" if limit else "without", limit=title_of(limit), **holes
-        )
-        for limit in dict.fromkeys(limits)
-    ]
+    sentences = list[str]()
+    for limit in dict.fromkeys(limits):
+        part = "instead" if limit else "without"
+        holes = {"effect": title_of(family), "place": place, "limit": title_of(limit)}
+        sentences.append(sentence("analysis.bounds", part, **holes))
+    return sentences
