@@ -182,6 +182,8 @@ class Missing:
         Those that may be named; all where it is None.
     refuted : collection of (str, str)
         Families and places that may not be named.
+    apart : bool
+        Whether the rows in which a joint turns are left out.
     """
 
     candidates: tuple[Candidate, ...]
@@ -190,6 +192,7 @@ class Missing:
     given: ARNoise | None = None
     families: Collection[str] | None = None
     refuted: Collection[tuple[str, str]] = ()
+    apart: bool = False
 
     @staticmethod
     def of(regression: Regression, families: Sequence[Family], present: Present) -> Missing:
@@ -314,7 +317,7 @@ class Missing:
             if not self._has_room(j, own):
                 data[:, j] = seen.data[:, j]
                 runs[j] = seen.runs[j]
-        out = replace(self, seen=replace(seen, data=data, runs=tuple(runs)))
+        out = replace(self, seen=replace(seen, data=data, runs=tuple(runs)), apart=True)
         # Columns are large: they are handed over, and computed again if this one is asked for them.
         entries = vars(self).pop("entries")
         vars(out)["entries"] = {at: entries.pop(at) * data[:, at[0]] for at in [*entries]}

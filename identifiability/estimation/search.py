@@ -267,7 +267,7 @@ def _find_terms(search: Search) -> tuple[Search, Terms]:
     sign at an unrecorded time. It is then searched between reversals only.
     """
     kept = _search_terms(search)
-    if any(t.group.family in LATE_FRICTION for t in kept):
+    if not search.missing.apart and any(t.group.family in LATE_FRICTION for t in kept):
         search = replace(search, missing=search.missing.between_reversals())
         kept = _search_terms(search)
     named = [t for t in kept if not _family(search.missing, t).unnamed]

@@ -43,10 +43,11 @@ def move_commands(
     values: NumberByName,
     how: Preparation,
     rng: np.random.Generator,
-) -> tuple[Log, float]:
+) -> tuple[Log, float, Log | None]:
     """Return a log whose irregular commands act when they arrived, and the share of such commands.
 
-    A log stays as it is, with a share of zero, unless its joints agree on the times.
+    A log stays as it is, with a share of zero, unless its joints agree on the times. Its calibrated
+    version then follows, where one was made.
 
     Parameters
     ----------
@@ -57,20 +58,20 @@ def move_commands(
     assert servo is not None
     starts = _list_commands(log)
     if len(starts) < 3:
-        return log, 0.0
+        return log, 0.0, None
     # The noise of the first round holds the errors of irregular commands.
     for _ in range(2 if log.arrivals is None else 1):
         calibrated = calibrate_torque(structure, log, delay, values, how, rng)
         recording = prepare_recording(structure, calibrated, values, how)
         delay = calibrated.servo_delay
         if log.arrivals is None and not _agree_on_arrivals(calibrated, servo, recording, how):
-            return log, 0.0
+            return log, 0.0, calibrated
         log = replace(log, arrivals=find_arrivals(calibrated, servo, recording, how))
     regular = replace(log, arrivals=None).commands_since[starts]
     apart = np.abs(log.commands_since[starts] - regular)
     period = np.median(np.diff(regular))
     is_irregular = apart > SLOPES[0] * period
-    return log, float(is_irregular.mean())
+    return log, float(is_irregular.mean()), None
 
 
 def _agree_on_arrivals(log: Log, servo: Servo, recording: Recording, how: Preparation) -> bool:

@@ -32,7 +32,7 @@ from .positions import are_aside, record
 from .problem import RolloutProblem
 from .rollouts import KINDS
 from .torque import may_saturate, servo_log
-from .windows import Window
+from .windows import Window, cut_windows
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4
@@ -52,20 +52,25 @@ def roll_delayed(
     log : Log
         With commands, in the robot's order of joints. An unknown delay is searched near its own.
     delay : float [s], optional
-        Where it is known.
+        Where it is known. Windows of a long log determine one that is not.
 
     Returns
     -------
     float [s], (N, n) [rad or m]
     """
     nothing_varies = np.zeros((len(KINDS), len(machine.trees)), bool)
-    window = Window(0, log, np.ones(len(machine.trees), bool), log)
-    problem = RolloutProblem(machine, [window], nothing_varies, delay)
+    every = np.ones(len(machine.trees), bool)
+    windows = [replace(window, moves=every) for window in cut_windows([log])]
+    problem = RolloutProblem(machine, windows, nothing_varies, delay)
     begin = log.servo_delay if delay is None else delay
     x = problem.pack(machine.numbers(), begin or 0.0)
     if delay is None:
         end = descend(problem, x)
-        return float(end.x[-1]), end.q[0]
+        x = end.x
+        delay = float(x[-1])
+        if len(windows) == 1:
+            return delay, end.q[0]
+    problem.windows = [Window(0, log, every, log)]
     (q,) = problem.roll([x])[0]
     return delay, q
 

@@ -142,6 +142,11 @@ def _take_step(
     return moved, rolled, gained, steps & (gained > 0)
 
 
+def plain_derivative(problem: RolloutProblem, end: SearchEnd) -> Array:
+    """Return the derivative of the residual without weights, (r, p), near where a search ended."""
+    return end.J / problem.weights(end.q)[:, None]
+
+
 def sum_squares(problem: RolloutProblem, weights: Array, end: SearchEnd) -> float:
     """Return the weighted squares of the residual where a search ended."""
     return float(np.sum((weights * problem.residual(end.q, end.x)) ** 2))

@@ -34,6 +34,7 @@ from .descent import (
     descend,
     follow_valley,
     free_delays,
+    plain_derivative,
     sum_squares,
 )
 from .first_answer import FirstAnswer
@@ -136,7 +137,7 @@ def approach_rollouts(found: Rollouts, logs: Sequence[Log]) -> Rollouts:
     Uncertainties stay as they are.
     """
     before, end = found.search
-    J = end.J / before.weights(end.q)[:, None]
+    J = plain_derivative(before, end)
     problem = _follow_versions(found, logs)
     end = descend(problem, end.x, BEGUN, J=J)
     numbers, delays = problem.unpack(end.x)
@@ -329,10 +330,12 @@ def _divide_once(found: Rollouts, factor: float) -> Rollouts:
     plain = drop_follower_friction(machine.robot)
     problem.machine = CommandedRobot(machine.robot, plain, machine.servo.divided(factor))
     x = end.x.copy()
+    J = plain_derivative(problem, end)
     for kind in ("Ia", "Fv", "Fc", "off", "limit", "ki", "kv"):
         x[problem.at(kind)] /= factor
+        J[:, problem.at(kind)] *= factor
     x[problem.bodies] -= 0.5 * np.log(factor)
-    return conclude(problem, descend(problem, x))
+    return conclude(problem, descend(problem, x, J=J))
 
 
 def answer_first(

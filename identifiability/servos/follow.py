@@ -125,12 +125,15 @@ def follow_commands(
     robot = replace(robot, servo=servo)
     structure = replace(structure, robot=robot)
     say("locating commands", 0.35)
-    moved, irregular, found = locate_commands(structure, aside, found, how, rng.spawn(1)[0])
+    spawned = rng.spawn(1)[0]
+    moved, irregular, found, calibrated = locate_commands(structure, aside, found, how, spawned)
     if servo.rolled and irregular:
         robot = replace(robot, servo=with_numbers(servo, found))
     servos = identify_servos(robot, moved, found, say)
     say("calibrating torque", 0.55)
-    taken = _take_logs(recordings, at, moved, robot, found)
+    # Calibrated logs stay while their servos do.
+    usable = calibrated if servos.found is found else moved
+    taken = _take_logs(recordings, at, usable, robot, found)
     blocked = state_blocked([*logs, *recordings.held_out], [*aside, *taken.held_out])
     recordings = replace(taken, hints=(*blocked, *recordings.hints))
     # Rollouts of a structure need no record of how its gains were found.
@@ -171,20 +174,21 @@ def _take_logs(
 
 def locate_commands(
     structure: Structure,
-    logs: Sequence[Log],
+    logs: list[Log],
     found: Rollouts,
     how: Preparation,
     rng: np.random.Generator,
-) -> tuple[list[Log], dict[str, float], Rollouts]:
+) -> tuple[list[Log], dict[str, float], Rollouts, list[Log]]:
     """Return logs whose irregular commands act when they arrived, and rollouts of these logs.
 
     Logs stay as they are unless most joints then err less.
     Between the two are the shares of irregular commands, by the name of the log, where some are.
+    The same logs follow, calibrated where that is done.
 
     Parameters
     ----------
     structure : Structure
-    logs : sequence of Log
+    logs : list of Log
         With torque of commands, in the robot's order of joints.
     found : Rollouts
         Of these logs.
@@ -193,28 +197,29 @@ def locate_commands(
     rng : Generator
     """
 
-    def move(logs: Sequence[Log]) -> tuple[list[Log], dict[str, float]]:
+    def move(logs: Sequence[Log]) -> tuple[list[Log], dict[str, float], list[Log]]:
         values = found.parameters
         pairs = zip(logs, found.delays.tolist(), strict=True)
         each = [move_commands(structure, log, delay, values, how, rng) for log, delay in pairs]
-        moved = [log for log, _ in each]
-        return moved, {log.name: share for log, share in each if share}
+        moved = [log for log, *_ in each]
+        shares = {log.name: share for log, share, _ in each if share}
+        return moved, shares, [own or log for log, _, own in each]
 
-    moved, shares = move(logs)
+    moved, shares, calibrated = move(logs)
     if not shares:
-        return list(logs), {}, found
+        return logs, {}, found, calibrated
     regular = found
     # Numbers of wrong times find times that are nearly as wrong, most of all dry friction.
     for _ in range(2):
         found = approach_rollouts(found, moved)
-        moved, _ = move(moved)
+        moved, *_ = move(moved)
     found = refit_rollouts(found, moved)
     # Commands come to all joints at one time, so most joints err less if the times are right.
     errs_less = np.count_nonzero(found.missed < regular.missed)
     if 2 * errs_less <= np.count_nonzero(regular.missed):
-        return list(logs), {}, regular
-    moved, _ = move(moved)
-    return moved, shares, found
+        return logs, {}, regular, logs
+    moved, *_ = move(moved)
+    return moved, shares, found, moved
 
 
 def identify_servos(
@@ -355,6 +360,8 @@ def _calibrate(
     servo = servos.servo
 
     def calibrated(log: Log, delay: float | None, band: Preparation = how) -> Log:
+        if log.rollout is not None:
+            return log
         selected = log.select(structure.robot.joints)
         return calibrate_torque(structure, selected, delay, found.parameters, band, rng)
 
@@ -366,7 +373,7 @@ def _calibrate(
         if shares:
             selected = log.select(structure.robot.joints)
             values = found.parameters
-            log, _ = move_commands(structure, selected, servo.delay, values, band, rng)
+            log, *_ = move_commands(structure, selected, servo.delay, values, band, rng)
         return calibrated(log, servo.delay, band)
 
     pairs = zip(at, found.delays.tolist(), strict=True)

@@ -23,10 +23,11 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import are_positions_alone
 from identifiability.robot import Robot
+from identifiability.simulation.rollout import COARSE, STEP
 
 from .arrivals import CLEAR, usual_residual
 from .calibration import Recording
-from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend
+from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend, plain_derivative
 from .problem import PLAY, RolloutProblem
 from .rollouts import KINDS, Rollouts
 from .windows import split_windows
@@ -385,7 +386,7 @@ def _explain_by(
     problem: RolloutProblem, end: SearchEnd, x: Array, numbers: np.ndarray, joints: np.ndarray
 ) -> Explanation:
     """Return the fit of numbers from a vector, with what it leaves of the errors of joints."""
-    fitted = _fit_numbers(problem, x, numbers)
+    fitted = _fit_numbers(problem, end, x, numbers)
     before, after = (_sum_squares(problem, end, x)[joints].sum() for x in (end, fitted))
     explains = before - after > REACH**2  # more than chance does
     return Explanation(after / before if explains else 1.0, numbers, fitted, problem.over)
@@ -428,8 +429,8 @@ def _find_rare_limits(problem: RolloutProblem, end: SearchEnd) -> Iterator[Expla
         return
     short = copy(problem)
     short.windows = split_windows(problem.windows)
+    begun = end._replace(q=short.roll([end.x])[0])
     for joint in np.argsort(-problem.errors(end.q)):
-        begun = end._replace(q=short.roll([end.x])[0])
         errors = short.window_errors(begun.q)
         usual = np.maximum(short.median(errors), short.recorded)
         # Without a fault, windows err as others do within a fifth.
@@ -445,6 +446,7 @@ def _find_rare_limits(problem: RolloutProblem, end: SearchEnd) -> Iterator[Expla
         if after < before:
             problem.varied[found.numbers] = True
             end = descend(problem, x)
+            begun = end._replace(q=short.roll([end.x])[0])
             yield found._replace(end=end)
 
 
@@ -458,8 +460,11 @@ def _fit_limit(problem: RolloutProblem, end: SearchEnd, joint: int, odd: np.ndar
     starts = np.tile(end.x, (24, 1))
     # The torque that a joint at its limit seems to need can be far above it.
     starts[:, numbers[0]] = np.geomspace(np.median(usual), asked.max(), len(starts))
-    errors = [few.errors(q)[joint] for q in few.roll([*starts])]
-    begun = end._replace(q=list(compress(end.q, odd)))
+    errors = [few.errors(q)[joint] for q in few.roll([*starts], COARSE * STEP)]
+    q = list(compress(end.q, odd))
+    # All other numbers stay.
+    J = np.zeros((len(few.residual(q, end.x)), len(end.x)))
+    begun = SearchEnd(end.x, q, J)
     start = starts[np.argmin(errors), numbers]
     return _fit_from(few, begun, numbers, start, np.array([joint]))
 
@@ -520,10 +525,14 @@ def _find_limit(asked: Array, given: Array, least: float, clear: float) -> float
     return float(limit) * explains
 
 
-def _fit_numbers(problem: RolloutProblem, x: Array, numbers: np.ndarray) -> SearchEnd:
-    """Return where a search from a vector ends that also varies some numbers."""
+def _fit_numbers(
+    problem: RolloutProblem, end: SearchEnd, x: Array, numbers: np.ndarray
+) -> SearchEnd:
+    """Return where a search from a vector near an earlier end leads that also varies numbers."""
+    J = plain_derivative(problem, end)
+    J[:, numbers] = problem.linearise(x, numbers)[:, numbers]
     problem.varied[numbers] = True
-    fitted = descend(problem, x)
+    fitted = descend(problem, x, J=J)
     problem.varied[numbers] = False
     return fitted
 

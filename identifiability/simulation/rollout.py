@@ -337,10 +337,10 @@ class CommandedRobot:
         rolled = []
         for log, delay, source in zip(logs, delays, sources or logs, strict=True):
             dt = signals.sampling_step(log.t)
-            h = dt / max(1, int(np.ceil(dt / step - 1e-9)))
+            # A clock that is a little slow needs no further step.
+            h = dt / max(1, int(np.ceil(dt / step - 0.05)))
             if h not in made:
-                model = self._with(own, h)
-                made[h] = (model, mujoco.MjData(model))
+                made[h] = self._with(own, h)
             rolled.append(self._roll_log(*made[h], log, servo, delay, source))
         return rolled
 
@@ -469,8 +469,8 @@ class CommandedRobot:
         mujoco.mj_forward(model, data)
         return data.qacc.copy()
 
-    def _with(self, numbers: ArrayByName, h: float) -> Any:
-        """Return the model with other numbers of its joints, at a step of h seconds."""
+    def _with(self, numbers: ArrayByName, h: float) -> tuple[Any, Any]:
+        """Return the model with other numbers of its joints and a step of h seconds; its data."""
         model = copy(self.model)
         places = self.places
         model.opt.timestep = h
@@ -503,8 +503,9 @@ class CommandedRobot:
         model.actuator_biasprm[self.actuators, 2] = -servo.damping
         ends = np.stack([servo.low, servo.high]) - offset
         model.actuator_forcerange[self.actuators] = (less * ends).T
-        mujoco.mj_setConst(model, mujoco.MjData(model))
-        return model
+        data = mujoco.MjData(model)
+        mujoco.mj_setConst(model, data)
+        return model, data
 
     def distance(self, numbers: ArrayByName, h: float = STEP) -> Array:
         """Return the distance over which dry friction builds up in steps of h seconds, (n,).
