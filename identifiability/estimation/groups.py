@@ -306,6 +306,8 @@ class Missing:
 
         A joint keeps all rows if those between reversals are too few for its model and its noise.
         """
+        if self.apart:
+            return self
         seen = self.seen
         first = {c.columns[0] for c in self.candidates if c.family is REVERSALS}
         data = seen.data.copy()

@@ -225,12 +225,9 @@ def missing_in(arm, seed, rho, effect=None, gone=0.0):
         length = int(gone * len(data) / 20)
         for a in rng.integers(len(data) - length, size=20):
             data[a : a + length] = False
-        seen = found.seen
-        seen = replace(
-            seen, X=seen.X * data[:, :, None], y=seen.y * data, data=data,
-            runs=split_runs(seen.runs[0], data),
-        )  # fmt: skip
-        found = replace(found, seen=seen)
+        X, y = found.seen.X * data[:, :, None], found.seen.y * data
+        runs = split_runs(found.seen.runs[0], data)
+        found = replace(found, seen=replace(found.seen, X=X, y=y, data=data, runs=runs))
     return found
 
 
@@ -256,6 +253,8 @@ def test_groups_share_one_prior_and_columns_are_as_large_as_torque(arm):
     for g in curves:
         shapes = len(found.sets[g.key])
         assert len(g.members) == shapes + (shapes > 1)
+    between = found.between_reversals()
+    assert (between.between_reversals().seen.data == between.seen.data).all()
 
 
 @pytest.mark.parametrize("rho, gone", [(0.6, 0.3), (0.9, 0.0), (0.98, 0.0), (0.98, 0.3)])
