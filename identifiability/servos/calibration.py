@@ -65,11 +65,8 @@ def roll_delayed(
     begin = log.servo_delay if delay is None else delay
     x = problem.pack(machine.numbers(), begin or 0.0)
     if delay is None:
-        end = descend(problem, x)
-        x = end.x
+        x = descend(problem, x).x
         delay = float(x[-1])
-        if len(windows) == 1:
-            return delay, end.q[0]
     problem.windows = [Window(0, log, every, log)]
     (q,) = problem.roll([x])[0]
     return delay, q

@@ -330,12 +330,10 @@ def _divide_once(found: Rollouts, factor: float) -> Rollouts:
     plain = drop_follower_friction(machine.robot)
     problem.machine = CommandedRobot(machine.robot, plain, machine.servo.divided(factor))
     x = end.x.copy()
-    J = plain_derivative(problem, end)
     for kind in ("Ia", "Fv", "Fc", "off", "limit", "ki", "kv"):
         x[problem.at(kind)] /= factor
-        J[:, problem.at(kind)] *= factor
     x[problem.bodies] -= 0.5 * np.log(factor)
-    return conclude(problem, descend(problem, x, J=J))
+    return conclude(problem, descend(problem, x))
 
 
 def answer_first(

@@ -386,7 +386,11 @@ def _explain_by(
     problem: RolloutProblem, end: SearchEnd, x: Array, numbers: np.ndarray, joints: np.ndarray
 ) -> Explanation:
     """Return the fit of numbers from a vector, with what it leaves of the errors of joints."""
-    fitted = _fit_numbers(problem, end, x, numbers)
+    J = plain_derivative(problem, end)
+    J[:, numbers] = problem.linearise(x, numbers)[:, numbers]
+    problem.varied[numbers] = True
+    fitted = descend(problem, x, J=J)
+    problem.varied[numbers] = False
     before, after = (_sum_squares(problem, end, x)[joints].sum() for x in (end, fitted))
     explains = before - after > REACH**2  # more than chance does
     return Explanation(after / before if explains else 1.0, numbers, fitted, problem.over)
@@ -523,18 +527,6 @@ def _find_limit(asked: Array, given: Array, least: float, clear: float) -> float
     rest = given - np.minimum(asked, limit)
     explains = np.sum(rest**2) < 0.5 * np.sum((asked - given) ** 2)
     return float(limit) * explains
-
-
-def _fit_numbers(
-    problem: RolloutProblem, end: SearchEnd, x: Array, numbers: np.ndarray
-) -> SearchEnd:
-    """Return where a search from a vector near an earlier end leads that also varies numbers."""
-    J = plain_derivative(problem, end)
-    J[:, numbers] = problem.linearise(x, numbers)[:, numbers]
-    problem.varied[numbers] = True
-    fitted = descend(problem, x, J=J)
-    problem.varied[numbers] = False
-    return fitted
 
 
 def _state_odd(
