@@ -10,7 +10,7 @@ from identifiability import Robot, analyze, new_study
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.rounding import format_measured
 from identifiability.regression.reduction import USUAL_EFFECTS, LadderEntry, ModelEntry
-from identifiability.report.values_table import joint_values, offset_table
+from identifiability.report.answers.values_table import joint_values, offset_table
 from identifiability.workflows import case
 from identifiability.workflows.analyze import judge
 from identifiability.workflows.analyze.workflow import say_unequal

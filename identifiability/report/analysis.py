@@ -34,6 +34,7 @@ from .answers.analyze import (
 from .answers.common import capital, join_sentences, note, sentence, words
 from .answers.prune import sizes_as_good
 from .answers.tables import make_table
+from .answers.values_table import joint_values, offset_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.analyze.result import Laddered, ModelResult
@@ -59,7 +60,6 @@ from .blocks import (
 from .figures import name_torque
 from .rollouts import rollout_moving, section_positions
 from .skeleton import move_with_torque
-from .values_table import joint_values, offset_table
 
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:

@@ -30,9 +30,10 @@ from identifiability.foundation.rounding import (
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 
+from .analysis import section_parameters, section_values
 from .answers.common import NAMED, capital, hint_note, sentence, words
 from .answers.compare import list_loaded
-from .answers.diagnose import shorten_title, table_fitted
+from .answers.diagnose import shorten_title
 from .answers.predict import moves_worse
 from .answers.tables import make_table, unit_cell
 from .blocks import (
@@ -221,12 +222,16 @@ def diagnosis_below(d: Diagnosis) -> Picture | None:
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
     """Return the sections of the page."""
     bending = None if d.bending is None or not d.bending.joints else _section_bending(d.bending)
+    title = sentence("analysis.parameters", "title")
+    judged = d.judged
+    own = [] if judged is None else [section_values(judged, title), section_parameters(judged)]
     return [
+        *own[:1],
         section_effects(d),
-        _section_fitted(d),
         _section_gap(d),
         None if d.forward is None else section_forward(d.forward, d.robot.joints),
         bending,
+        *own[1:],
         _section_where(d),
         *_sections_method(d),
     ]
@@ -253,7 +258,7 @@ def section_effects(d: Diagnosis) -> Section | None:
     if d.possible:
         table = make_table("possible", map(_odds_row, d.possible))
         possible = Fold(sentence("diagnosis.possible"), (table,))
-    blocks = (*d.tables()[:-1], curves, refuted, possible)
+    blocks = (*d.tables()[d.judged is not None : -1], curves, refuted, possible)
     use = sentence("diagnosis.use", "kept" if moves_worse(d.moved) else "fitted")
     return section("diagnosis.effects", *blocks, use=use) if any(blocks) else None
 
@@ -284,11 +289,6 @@ def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
     labels = f"{over}{other} [{units.get(c.against, 's')}]"
     unit = d.robot.torque_units[c.joint]
     return labels, f"{name_torque(unit)} [{unit}]"
-
-
-def _section_fitted(d: Diagnosis) -> Section | None:
-    fitted = table_fitted(d)
-    return None if fitted is None else section("diagnosis.values", fitted)
 
 
 def _section_gap(d: Diagnosis) -> Section:

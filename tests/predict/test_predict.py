@@ -179,13 +179,12 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, tmp_path, rejected):
     """Whatever its columns are called; the same prediction, and nothing said of an error."""
     log = noisy("b", 3)
     joints = analysis.robot.joints
-    bare = log.to_frame()[["t", *(f"{j}.q" for j in joints)]]
-    frame = bare.assign(**{f"{j}.tau": log.tau[:, k] for k, j in enumerate(joints)})
+    frame = log.to_frame()[["t", *(f"{j}.{x}" for x in ("q", "tau") for j in joints)]]
+    bare = frame.iloc[:, : 1 + len(joints)]
     whole = analysis.predict(frame)
     called = bare.rename(columns=lambda c: c.replace(".q", "_position"))
-    numbers = {"time": log.t, "q": log.q}
     bare.to_csv(tmp_path / "bare.csv", index=False)
-    for given in (bare, called, numbers, tmp_path / "bare.csv"):
+    for given in (bare, called, {"time": log.t, "q": log.q}, tmp_path / "bare.csv"):
         found = analysis.predict(given)
         assert_allclose(found.predicted, whole.predicted, rtol=1e-12, atol=1e-12)
         assert_allclose(found.low, whole.low, rtol=1e-9)  # of decimals as pandas reads

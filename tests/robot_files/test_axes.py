@@ -12,7 +12,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.regression.reduction import build_ladder, default_ladder, ladder_model
 from identifiability.regression.structure import Structure, random_motion
-from identifiability.report.values_table import joint_values
+from identifiability.report.answers.values_table import joint_values
 from identifiability.simulation.motion import find_motion
 
 from .made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram

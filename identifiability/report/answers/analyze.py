@@ -182,15 +182,7 @@ class LadderedPresenter(PredictingPresenter):
         result = self.result
         if result.nothing:
             return Presenter.warnings(self)
-        verdicts = result.full.verdicts
-        judged = [v.sigma_label if Flag.NEGLIGIBLE not in v.flags else np.inf for v in verdicts]
-        stated = [np.nan if x is None else x for x in stated_values(result, result.full)]
-        values = np.array([v.value for v in verdicts])
-        known = values, np.array(stated), np.array(judged)
-        missing = [(t.group.family, describe_term(t)) for t in result.missing.ordered]
-        play = joints_with_play(result.hints)
-        contradicted = state_contradicted(result.fit, result.full.submodel, *known, missing, play)
-        return (*super().warnings(), *self._uneven_logs(), *contradicted)
+        return (*super().warnings(), *self._uneven_logs(), *state_contradicted(result))
 
     def _uneven_logs(self) -> Strings:
         """Return which logs err much more than the others, if any do."""

@@ -23,9 +23,10 @@ from identifiability.effects.springs import (
     JointStiffness,
     PositionTorque,
 )
-from identifiability.estimation.groups import shorten_places
+from identifiability.estimation.groups import describe_term, shorten_places
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.search import share_a_link
+from identifiability.estimation.verdict import Flag
 from identifiability.foundation.answers import Answer, Column, Note
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, Level, fill, joints_with_play, phrase
@@ -39,7 +40,7 @@ from identifiability.physical.pseudo_inertia import entry_scale, natural_scale
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot.robot import Robot, last_bodies
-from identifiability.workflows.predict import Fit
+from identifiability.workflows.analyze.result import Laddered, stated_values
 from identifiability.workflows.wrong_bodies import WrongBodies, find_wrong_bodies, find_wrong_zero
 
 from .commands import source_name
@@ -575,34 +576,18 @@ def kind_columns(robot: Robot, kinds: Sequence[str]) -> list[Column]:
     return [Column(sentence("values", "joint")), *(Column(title, "badge") for title in titles)]
 
 
-def state_contradicted(
-    fit: Fit,
-    submodel: Submodel,
-    values: Array,
-    stated: Array,
-    sigma: Array,
-    missing: Sequence[tuple[str, str]],
-    play: Sequence[str],
-) -> list[Finding]:
+def state_contradicted(result: Laddered[Any]) -> list[Finding]:
     """Return the bodies of the robot file that the logs contradict, the surest and largest first.
 
     If no body stands out, combinations of masses, moments and inertias are stated: files rarely
     state rotors and friction. Differences within the error of an identifiable parameter alone are
     no doubt.
-
-    Parameters
-    ----------
-    fit : Fit
-        Under the unpruned model.
-    submodel : Submodel
-        Its k parameters over the base parameters.
-    values, stated, sigma : (k,)
-        By the logs, by the file, and the standard error of the first; nan where unknown.
-    missing : sequence of (str, str)
-        Families of effects that the model may lack, each with its name and place in words.
-    play : sequence of str
-        Joints whose gear has play.
     """
+    fit, submodel, verdicts = result.fit, result.full.submodel, result.full.verdicts
+    values = np.array([v.value for v in verdicts])
+    stated = np.array([np.nan if x is None else x for x in stated_values(result, result.full)])
+    sigma = np.array([v.sigma_label for v in verdicts])
+    sigma[[Flag.NEGLIGIBLE in v.flags for v in verdicts]] = np.inf
     base = fit.structure.base
     wrong = find_wrong_bodies(fit)
     for change in wrong.springs.values():
@@ -626,15 +611,16 @@ def state_contradicted(
         each.append(f"{_state_both(submodel, base, k, both)} ({sigmas[k]:.0f} σ)")
     if not each:
         return []
-    effects = [text for family, text in missing if family in LIKE_WEIGHT]
+    lacked = [t for t in result.missing.ordered if t.group.family in LIKE_WEIGHT]
     large = np.abs(values) > RULES.contradicted * reach
     springs = [place for place, kind in wrong.hypotheses if kind == "spring"]
     impossible = bool((far & matters & large).any())
     compared = np.where(np.isin(np.arange(len(off)), listed), sigma, np.inf)
     apart = np.nan_to_num(values - stated)
     zero = find_wrong_zero(fit.structure, submodel, apart, compared)
+    effects = [*map(describe_term, lacked)]
     advice = _advise(wrong, zero, last_bodies(fit.robot), effects, impossible=impossible)
-    if play:
+    if play := joints_with_play(result.hints):
         advice = phrase("contradicted", "play", joints=play)
     floats = wrong.change <= 0 and bool((np.abs(values) < np.abs(stated))[listed].all())
     where = "at" if springs else "floats" if floats else "anywhere"

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain, starmap, zip_longest
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,37 +14,31 @@ import numpy as np
 import pandas as pd
 from scipy.special import expit, logit
 
-from identifiability.effects import find_family, joints_of, name_place, title_of
+from identifiability.effects import find_family, name_place, title_of
 from identifiability.effects.base import GravityTilt, apply_tilt
 from identifiability.estimation.rules import RULES
-from identifiability.estimation.verdict import other_terms
 from identifiability.foundation.answers import Answer, Cell, Note, Table
-from identifiability.foundation.findings import joints_with_play
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array, NumberByName, Strings, name_each
+from identifiability.foundation.names import Array, Strings, name_each
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
-    NONE,
     REACH,
     format_measured,
     join,
     measured,
     state_probability,
-    stated_text,
 )
 from identifiability.physical.cad_prior import find_rises
 from identifiability.physical.rules import RULES as FILE_RULES
 from identifiability.reading.rules import RULES as READING_RULES
-from identifiability.regression.reduction import full_model
 from identifiability.workflows.diagnose.result import logs_disagree
 from identifiability.workflows.provenance import given_paths
 from identifiability.workflows.wrong_bodies import find_wrong_bodies
 
 from .commands import compare_line, export_line, held_back, name_logs, on_file
 from .common import (
-    JOINT_KINDS,
     NAMED,
     TONES,
     VISIBLE,
@@ -56,7 +50,6 @@ from .common import (
     capital,
     command,
     join_sentences,
-    kind_columns,
     list_points,
     sentence,
     state_contradicted,
@@ -65,6 +58,7 @@ from .common import (
 from .compare import table_odd_rows
 from .predict import moves_worse, state_harm
 from .tables import add_units, make_table, unit_cell
+from .values_table import list_values
 
 if TYPE_CHECKING:
     from identifiability.bending import Bending
@@ -163,25 +157,14 @@ class DiagnosisPresenter(PredictingPresenter):
 
     def warnings(self) -> Strings:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
-        result = self.result
+        judged = self.result.judged
         seen = super().warnings()
-        if result.nothing or result.fixed:
-            return seen
-        base = result.completed.base
-        fit = result.fit
-        sigma = np.sqrt(np.diag(fit.base_covariance))
-        unknown = np.abs(fit.base_unknown).max(1, initial=0.0) > ROUNDOFF
-        sigma = np.where(unknown, np.inf, sigma)
-        stated = result.completed.nominal_base
-        possible = [(x.name, name_place(x.name, x.place)) for x in result.possible]
-        known = fit.base, stated, sigma
-        play = joints_with_play(result.hints)
-        return (*seen, *state_contradicted(fit, full_model(base), *known, possible, play))
+        return seen if judged is None or judged.nothing else (*seen, *state_contradicted(judged))
 
     def tables(self) -> tuple[Table, ...]:
-        """Return what changed in mid-log, the effects that were named, and the errors of joints."""
+        """Return values of joints, what changed in mid-log, named effects, and errors of joints."""
         result = self.result
-        tables = []
+        tables = [] if result.judged is None else [list_values(result.judged)]
         if result.changes:
             tables.append(table_odd_rows(result.changes, sentence("diagnosis.tables", "changed")))
         if result.effects:
@@ -189,8 +172,7 @@ class DiagnosisPresenter(PredictingPresenter):
         if result.bending is not None and result.bending.joints:
             tables.append(make_table("bending", _list_bending(result)))
         joints = add_units(result.error_frame(), "rms_before", "rms_after")
-        placed = [(p.place, e.name) for e in result.effects for p in e.placements]
-        named = {j: title_of(name) for at, name in placed for j in joints_of(name, at)}
+        named = {p.joint: e.title for e in result.effects for p in e.placements}
         for row in joints:
             row["joint"] = Cell(row["joint"], note=named.get(row["joint"], ""))
         return (*tables, make_table("gap", joints))
@@ -415,12 +397,13 @@ def _state_untried(d: Diagnosis) -> str:
 def _state_effect(d: Diagnosis, e: NamedEffect) -> str:
     """Return the name of an effect with its size and probability, then its alternatives."""
     first, *others = list_names(e)
+    size = _state_size(d, e) + _state_share(e)
     if len(others) > 1:  # a caveat names them
         others = [sentence("diagnosis.missing", "others", count=len(others))]
     share = e.weight if others else 1.0
     shares = np.array([share, 1.0 - share])[: 1 + bool(others)]
     sure = [state_probability(x) for x in logit(shares * expit(e.odds)) if np.isfinite(e.odds)]
-    named = [f"{first}{_state_size(d, e)}", *filter(None, [" or ".join(others)])]
+    named = [f"{first}{size}", *filter(None, [" or ".join(others)])]
     each = zip_longest(named, sure)
     return " or ".join(f"{name} ({odds})" if odds else name for name, odds in each)
 
@@ -488,6 +471,12 @@ def _state_size(d: Diagnosis, e: NamedEffect) -> str:
     return size + sentence("diagnosis.missing", "vague") if vague else size
 
 
+def _state_share(e: NamedEffect) -> str:
+    """Return the largest torque of an effect as a share of the variation in its joint."""
+    most = e.placements[0]
+    return sentence("diagnosis.missing", "share", share=most.share, joint=most.joint)
+
+
 def _tilt_of(d: Diagnosis, values: Array) -> Tilt | None:
     """Return the tilt of the base by base parameters (b,) of the completed model."""
     return apply_tilt(d.completed.robot, name_each(d.completed.base.names, values))[0].tilt
@@ -540,10 +529,9 @@ def _answer_gap(d: Diagnosis) -> Answer:
 
 def _state_joint(d: Diagnosis) -> str:
     """Return the errors of the joints in which all named effects lower and raise it most."""
-    each = ((e.name, p.place) for e in d.effects[: d.included] for p in e.placements)
-    joints = chain.from_iterable(starmap(joints_of, each))
+    joints = {p.joint for e in d.effects[: d.included] for p in e.placements}
     errors = d.error_frame().dropna()
-    own = errors[errors["joint"].isin({*joints})]
+    own = errors[errors["joint"].isin(joints)]
     if own.empty:
         return ""
     about = "diagnosis.explained"
@@ -648,56 +636,6 @@ def shorten_title(title: str) -> str:
     'error of clocks'
     """
     return re.sub(r"^an? (unnamed )?| \([^)]*\)", "", title)
-
-
-def _list_fitted(d: Diagnosis) -> dict[str, tuple[float, float, str]]:
-    """Return value, standard error and unit of each parameter that is known alone."""
-    base = d.completed.base
-    sigma = np.sqrt(np.diag(d.fit.base_covariance))
-    each = zip(base.names, base.labels, d.fit.base, sigma, base.units, strict=True)
-    return {name: (x, sd, unit) for name, label, x, sd, unit in each if not other_terms(label)}
-
-
-def table_fitted(d: Diagnosis) -> Table | None:
-    """Return friction and rotor of each joint as fitted, and by the file; None without any.
-
-    Joints with an effect have their values without it as well.
-    """
-    fitted = {} if d.nothing else _list_fitted(d)
-    plain = _list_plain(d)
-    present = {name.rpartition(".")[2] for name in fitted}
-    kinds = [kind for kind in (*JOINT_KINDS, d.robot.inertia_parts[0]) if kind in present]
-    rows = []
-    for joint in d.robot.joints:
-        names = [f"{joint}.{kind}" for kind in kinds]
-        cells = [_fitted_cell(fitted.get(x), d.robot.nominal.get(x), plain.get(x)) for x in names]
-        rows.append((joint, *cells))
-    return Table.of("", kind_columns(d.robot, kinds), rows) if rows else None
-
-
-def _list_plain(d: Diagnosis) -> NumberByName:
-    """Return the values of joints with a named effect under the model without it."""
-    before = d.problem.recommended
-    if before is None:
-        return {}
-    places = {p.place for e in d.effects[: d.included] for p in e.placements if p.sure}
-    each = zip(d.problem.plain.base.names, before.base.tolist(), strict=True)
-    return {name: value for name, value in each if name.rpartition(".")[0] in places}
-
-
-def _fitted_cell(
-    fitted: tuple[float, float, str] | None, file: float | None, plain: float | None
-) -> Cell:
-    """Return a value with its standard error, its value without the effects, and the file's."""
-    if fitted is None:
-        return Cell(NONE)
-    value, sigma, _ = fitted
-    notes = []
-    if plain is not None:
-        notes.append(sentence("values", "plain", value=stated_text(plain, sigma)))
-    if file:
-        notes.append(sentence("values", "file", value=stated_text(file)))
-    return Cell(measured(*fitted), value, "; ".join(notes))
 
 
 def _state_shape(d: Diagnosis, family: str, p: Placement) -> str:

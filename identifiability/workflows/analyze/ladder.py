@@ -233,15 +233,30 @@ class FittedLadder:
 
 
 def compute_ladder(
-    rows: WeightedRows, submodels: Sequence[Submodel], cad_weight: float | None, *, run: Run
+    rows: WeightedRows,
+    submodels: Sequence[Submodel],
+    cad_weight: float | None,
+    *,
+    run: Run,
+    rollouts: bool = True,
 ) -> FittedLadder:
-    """Fit the models of a ladder and predict torque by them, going through the logs once."""
+    """Fit the models of a ladder and predict torque by them, going through the logs once.
+
+    Parameters
+    ----------
+    rows, submodels
+    cad_weight : float or None
+        As of `fit_ladder`.
+    run : Run
+    rollouts : bool
+        Whether the robot gets the numbers of rollouts where they follow the logs better.
+    """
     data = rows.data
     run.say("fitting models", 0.6)
     estimator = estimate_noise(rows.estimator, rows.information)
     weighted = rows.information, estimator
     fits, folds, short = fit_ladder(data.structure, submodels, *weighted, cad_weight)
-    if data.recordings.rolled is not None:
+    if rollouts and data.recordings.rolled is not None:
         fits = [move_by_rollouts(one, data) for one in fits]
     values = np.concatenate([one.values for one in fits], axis=1)
     crossed = np.concatenate([one.turned for one in fits], axis=2)

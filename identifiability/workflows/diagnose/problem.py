@@ -52,15 +52,12 @@ class Recommended:
         The same, with the parameters fixed that it omits but physical bodies need.
     values, base : (k,), (b,)
         Of its parameters, and base parameters.
-    robot : PhysicalResult or None
-        The physical robot nearest to its fit, if it was computed.
     """
 
     reduction: Submodel
     submodel: Submodel
     values: Array
     base: Array
-    robot: PhysicalResult | None = None
 
     @staticmethod
     def of(
@@ -68,8 +65,8 @@ class Recommended:
     ) -> Recommended:
         """Return the values of the physical robot, or the estimate where its model is None."""
         if real is None:
-            return Recommended(submodel, submodel, estimate, submodel.expand(estimate), robot)
-        return Recommended(submodel, real, robot.value, robot.base, robot)
+            return Recommended(submodel, submodel, estimate, submodel.expand(estimate))
+        return Recommended(submodel, real, robot.value, robot.base)
 
     @staticmethod
     def of_base(structure: Structure, base: Array) -> Recommended:

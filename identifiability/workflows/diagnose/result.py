@@ -15,8 +15,10 @@ from identifiability.bending import Bending
 from identifiability.effects import find_family, title_of
 from identifiability.estimation.estimate import with_known
 from identifiability.estimation.fit import Fit as Known
+from identifiability.estimation.groups import NO_MISSING_EFFECTS, MissingEffects
 from identifiability.estimation.prediction import Prediction, measure_offsets, measure_spread
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.verdict import to_row
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.keyed import Row
@@ -34,12 +36,13 @@ from identifiability.regression.reduction import LadderEntry, ladder_text, model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, list_asked_effects
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.result import disagree
+from identifiability.workflows.analyze.result import Analysis, disagree
 from identifiability.workflows.changes import Change
 from identifiability.workflows.predict import (
     Fit,
     PositionPrediction,
     Predicts,
+    list_missing,
     move_fitted,
     with_cutoff,
 )
@@ -89,6 +92,10 @@ class Placement:
         Largest torque that it adds there along the fitted rows.
     torque_unit : str
         Unit of both.
+    joint : str
+        The joint where its torque is largest.
+    share : float
+        Rms of its torque there, relative to the variation of the measured torque.
     rivals : tuple of Rival
     weight : float
         Its posterior probability among all competing hypotheses.
@@ -111,6 +118,8 @@ class Placement:
     rms: float
     peak: float
     torque_unit: str
+    joint: str
+    share: float
     rivals: tuple[Rival, ...] = ()
     weight: float = 1.0
     odds: float = np.nan
@@ -285,6 +294,10 @@ class Diagnosis(Result, Predicts):
         Number of places whose effects are in the model; these are the first ones.
     moved : PositionPrediction or None
         Position errors of rollouts of the nearest physical robot, for logs of commands.
+    lacked : MissingEffects
+        Effects that the search found and that the completed model still lacks.
+    judged : Analysis or None
+        Verdicts of `analyze` on the completed model; None where values are kept.
     forward : ForwardGap or None
         Forward simulation before and after, where it was made.
     bending : Bending or None
@@ -330,6 +343,8 @@ class Diagnosis(Result, Predicts):
     began: float | None = None
     provenance: Mapping[str, str] = {}
     moved: PositionPrediction | None = None
+    lacked: MissingEffects = NO_MISSING_EFFECTS
+    judged: Analysis | None = None
 
     @property
     def structure(self) -> Structure:
@@ -432,16 +447,14 @@ class Diagnosis(Result, Predicts):
             return nearest_dict(self)
 
     @cached_property
-    def refitted(self) -> tuple[Information, Known]:
-        """A refit of the model with the named effects, without prior knowledge of the values."""
-        information, fit, *_ = self.refit
-        return information, Known.of(information, fit, np.random.default_rng(self.seed), 0)
-
-    @cached_property
     def fit(self) -> Fit:
         """The model with the named effects: values, covariance, and residual scatter."""
+        submodel = replace(self.used.submodel, name="the diagnosed model")
         with one_thread("blas"):
-            return keep_completed(self)
+            judged = self.judged
+            fit = fit_kept(self) if judged is None else replace(judged, nothing="").fit
+        fit = replace(fit, submodel=submodel, values=self.used.values)
+        return replace(fit, reading=self.reading, began=self.began)
 
     def moved_by(self, logs: Recordings) -> Diagnosis:
         """Return the diagnosis with position errors of rollouts, for logs of commands."""
@@ -481,7 +494,8 @@ class Diagnosis(Result, Predicts):
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the parameters of the model, then those of the named effects with their odds."""
-        yield from self.fit.rows_by_name()
+        judged = self.judged
+        yield from self.fit.rows_by_name() if judged is None else map(to_row, judged.chosen.rows())
         yield from present(self, "effect_rows")
 
     def explain_absence(self, name: str) -> str:
@@ -520,6 +534,12 @@ class Diagnosis(Result, Predicts):
             "preparation": preparation,
             "provenance": dict(self.provenance),
         }
+        judged = self.judged
+        if judged is not None:
+            found |= {
+                "parameters": judged.chosen.rows(),
+                "missing_functions": list_missing(judged.missing),
+            }
         if self.bending is not None:
             found["bending"] = self.bending.to_dict()
         return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
@@ -611,6 +631,7 @@ def _effect_row(e: NamedEffect) -> Json:
                 "shape_error",
                 "exponent",
                 "rms",
+                "share",
                 "weight",
                 joint="place",
                 log_odds="odds",
@@ -647,42 +668,31 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
 
 def logs_disagree(d: Diagnosis) -> bool:
     """Return whether the fitted logs disagree although the named effects are in the model."""
-    # With kept values nothing was refitted, and a refit takes longer than the diagnosis.
-    motions = None if d.fixed else d.refitted[1].motions
+    motions = None if d.judged is None else d.judged.full.fit.motions
     apart = motions is not None and disagree(motions)
     shares = [x.explained.get("log", 0.0) for x in d.discrepancies]
     # A quarter of the residual.
     return apart or max(shares, default=0.0) > 0.25
 
 
-def keep_completed(d: Diagnosis) -> Fit:
-    """Return the model with the named effects, with the values whose error is stated.
+def fit_kept(d: Diagnosis) -> Fit:
+    """Return the model with the named effects and kept values.
 
     Intervals are those of a refit without prior knowledge of the values.
     """
-    structure = d.completed
-    submodel = replace(d.used.submodel, name="the diagnosed model")
-    information, known = d.refitted
-    found = d.fitted, d.gap
-    errors = tuple((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in found)
-    whole = spread = measure_spread(information, known, *errors)
-    if len(submodel) < len(structure.base):
-        part = submodel.reduce(information)
-        reduced = known.estimate.estimator.fit(part)
-        of_part = Known.of(part, reduced, np.random.default_rng(d.seed), 0)
-        spread = measure_spread(part, of_part, *errors)
-    preparation = with_cutoff(d.preparation, d.samples)
+    information, estimate, *_ = d.refit
+    known = Known.of(information, estimate, np.random.default_rng(d.seed), 0)
+    each = ((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (d.fitted, d.gap))
+    spread = measure_spread(information, known, *each)
     return Fit(
-        structure=structure,
-        submodel=submodel,
+        structure=d.completed,
+        submodel=d.used.submodel,
         values=d.used.values,
         spread=spread,
-        preparation=preparation,
-        base_covariance=whole.covariance,
-        base_unknown=whole.unknown,
-        offsets=measure_offsets(information, known.estimate),
-        reading=d.reading,
-        began=d.began,
+        preparation=with_cutoff(d.preparation, d.samples),
+        base_covariance=spread.covariance,
+        base_unknown=spread.unknown,
+        offsets=measure_offsets(information, estimate),
     )
 
 
@@ -730,8 +740,9 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
         if structure is not d.completed:
             fitted = fit_structure(structure, d.problem.regression(structure))
             return fit_physical(structure, fitted, weight)
-        if weight is None and d.weighed is not None and d.used.robot is not None:
-            return _as_physical(structure, d.used.robot)
+        real = d.judged and d.judged.chosen.physical
+        if weight is None and real:
+            return _as_physical(structure, real)
         return fit_physical(structure, d.refit, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values

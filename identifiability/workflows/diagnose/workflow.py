@@ -11,6 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from identifiability.effects.base import GravityTilt
 from identifiability.effects.measurement import CommandDelay
 from identifiability.effects.registry import is_loaded
 from identifiability.estimation.estimate import Outliers
-from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
+from identifiability.estimation.groups import NO_MISSING_EFFECTS, MissingEffects, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE, Term
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import RULES
@@ -56,10 +57,20 @@ from identifiability.regression.reduction import (
 )
 from identifiability.regression.structure import Structure, count_offsets
 from identifiability.robot import Robot, RobotLike, complete_motion
-from identifiability.workflows.analyze.judge import assess_ladder, select_model
+from identifiability.workflows.analyze.judge import (
+    assess_ladder,
+    doubt_springs,
+    select_model,
+    tell_with_file,
+)
 from identifiability.workflows.analyze.ladder import compute_ladder
-from identifiability.workflows.analyze.workflow import SERVOS, say_band
-from identifiability.workflows.case import Case, Data, take_case
+from identifiability.workflows.analyze.workflow import (
+    SERVOS,
+    choose_settings,
+    conclude_analysis,
+    say_band,
+)
+from identifiability.workflows.case import Case, Data, take_case, with_regression
 from identifiability.workflows.changes import Change
 from identifiability.workflows.predict import state_reading
 from identifiability.workflows.provenance import state_provenance
@@ -172,6 +183,7 @@ def diagnose(
         request = Request(effects, model, fixed, prior)
         found, data = _diagnose_logs(case, request, run, of_intervals)
         found = _with_context(case, request, found, data, quick=quick, seed=seed)
+        found = judge_completed(case, request, found, data, run)
         if fit is not None:
             said = state_reading(fit, case, found.samples, run)
             found = replace(found, hints=(*said, *found.hints))
@@ -331,6 +343,8 @@ def pose_problem(
 ) -> tuple[Problem, Data]:
     """Return the problem and the logs under the reading that fits them.
 
+    The problem has samples of commanded robots along their rollouts, the logs have them as logged.
+
     Parameters
     ----------
     case, request, run
@@ -347,14 +361,15 @@ def pose_problem(
     pilot = None
     if not (request.keeps or commanded or request.model is not None):
         pilot = case.structure(robot, ladder_model(ladder.entry))
-    data, reference = _read_logs(case, request, structure, pilot, run, recordings)
-    problem, data = _problem_of(case, request, known, data, run)
+    logged, reference = _read_logs(case, request, structure, pilot, run, recordings)
+    problem, data = _problem_of(case, request, known, logged, run)
+    logged = data if data.recordings.rolled is None else logged
     if request.keeps or problem.known.precision.any():
-        return problem, data
+        return problem, logged
     entry = None
     if request.model is None:
         entry = case.stages.once(LadderSource.models_for, ladder, commanded)
-    return recommend(case, problem, data, reference, entry, run), data
+    return recommend(case, problem, data, reference, entry, run), logged
 
 
 def _problem_of(
@@ -824,7 +839,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     discrepancies = tuple(
         find_discrepancies(naming.fitted, fitted.residual[..., 0], problem.robot.joints)
     )
-    diagnosed = Diagnosis(
+    return Diagnosis(
         problem=problem,
         effects=tuple(_list_effects(naming, placed, found.gap, rng)),
         curves=curves,
@@ -834,9 +849,63 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         discrepancies=discrepancies,
         refusals=naming.refusals,
         evidence=_list_evidence(naming),
+        lacked=_list_lacked(naming, found.included),
         **vars(found),
     )
-    return _restate_tilt(diagnosed)
+
+
+def _list_lacked(naming: Naming, included: int) -> MissingEffects:
+    """Return the effects that the search found and that the completed model still lacks."""
+    removed = [term for term, _, needed in naming.possible if np.isnan(needed)]
+    named = dict.fromkeys([*(p.term for p in naming.parts[included:]), *removed])
+    return MissingEffects(tuple(named), (), noise=naming.search.missing.noise)
+
+
+def judge_completed(
+    case: Case, request: Request, found: Diagnosis, data: Data, run: Run
+) -> Diagnosis:
+    """Return a diagnosis with the verdicts of `analyze` on its completed model.
+
+    `analyze` would search again for effects that the model still lacks. The search of the diagnosis
+    serves instead, if it was for all effects, which saves most of the time. Kept values have no
+    verdicts.
+
+    Parameters
+    ----------
+    case, request, found
+    data : Data
+        The logs before they are moved along rollouts.
+    run : Run
+    """
+    if found.fixed:
+        return found
+    later = run.after(0.93)
+    rows, searched = _under_completed(found, data)
+    weighed = case.weigh(rows, "wls", "auto", later, complete=False)
+    # A search for some families alone tells nothing of others.
+    known = replace(searched, lacked=found.lacked) if request.effects is None else weighed
+    full, reduction = full_model(found.completed.base), found.used.reduction
+    models = [full, reduction] if len(reduction) < len(full) else [full]
+    options = {"method": "wls", "estimator": "auto", "replicates": 0}
+    settings = choose_settings(case, run, found.known.share, None, **options)
+    settings["preparation"] = found.preparation
+    fitted = compute_ladder(weighed, models, settings["cad_prior"], run=later, rollouts=False)
+    # The diagnosis has selected the model.
+    fitted = replace(fitted, near=np.eye(len(models), dtype=bool)[-1])
+    rng = np.random.default_rng(run.seed)
+    judged = conclude_analysis(fitted, rng, settings, known.missing)
+    judged = tell_with_file(doubt_springs(judged), found.known.share)
+    return _restate_tilt(replace(found, judged=judged))
+
+
+def _under_completed(found: Diagnosis, data: Data) -> tuple[Data, Data]:
+    """Return data under the completed model: rows to fit, and rows that were searched."""
+    # Errors of delays are measured along the logged motion, not along rollouts.
+    samples = data.samples if found.commanded else found.samples
+    columns = partial(found.problem.regression, found.completed)
+    under = partial(with_regression, data, found.completed)
+    searched = found.problem.excerpt or found.samples
+    return under(samples, columns(samples)), under(searched, columns(searched))
 
 
 def _restate_tilt(d: Diagnosis) -> Diagnosis:
@@ -844,15 +913,13 @@ def _restate_tilt(d: Diagnosis) -> Diagnosis:
 
     A tilt that the case had found is in the searched model, too: its part has the rest only.
     """
-    if not d.included or all(e.name != GravityTilt.name for e in d.effects):
-        return d
     names = d.completed.base.names
-    errors = np.sqrt(np.diag(d.fit.base_covariance))
     effects = list(d.effects)
-    for k, e in enumerate(effects):
+    for k, e in enumerate(effects[: d.included]):
         rows = [names.index(n) for n in e.placements[0].parameters if n in names]
         if e.name == GravityTilt.name and len(rows) == len(e.placements[0].parameters):
-            tilt = replace(e.placements[0], values=d.values[rows], errors=errors[rows])
+            errors = np.sqrt(np.diag(d.fit.base_covariance)[rows])
+            tilt = replace(e.placements[0], values=d.values[rows], errors=errors)
             effects[k] = replace(e, placements=(tilt,))
     return replace(d, effects=tuple(effects))
 
@@ -916,24 +983,26 @@ def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
     )
 
 
-def _measure_torque(naming: Naming, k: int, value: Array) -> tuple[float, float, str]:
-    """Return rms, largest value and unit of the torque of a part: along its motor, or at a joint.
+def _measure_torque(naming: Naming, k: int, value: Array) -> Fields:
+    """Return size and place of the torque of a part, as fields of `Placement`.
 
     At a motor of several joints it is the torque of this motor, else of the joint where it is
     largest.
     """
     robot, place = naming.problem.robot, naming.parts[k].candidate.place
-    torques = {j: naming.columns([k], j) @ value for j in naming.acts(k)}
-    sizes = {j: float(rms_of(torque)) for j, torque in torques.items()}
+    sizes = {j: float(rms_of(naming.columns([k], j) @ value)) for j in naming.acts(k)}
     joint = max(sizes, key=sizes.__getitem__, default=0)
     size = sizes.get(joint, 0.0)
-    law = _law(naming, k, joint) @ value
-    peak = float(np.abs(law).max(initial=0.0))
+    peak = float(np.abs(_law(naming, k, joint) @ value).max(initial=0.0))
+    whole = naming.fitted.measured[naming.fitted.seen.data[:, joint], joint]
+    share = size / (float(whole.std()) or np.inf)
+    lever, unit = 1.0, robot.torque_units[joint]
     for axis in robot.axes:
         if axis.name == place and axis.mixed and axis.row is not None:
             lever = abs(float(axis.row[joint]))
-            return size / lever, peak / lever, "N" if axis.prismatic else "N·m"
-    return size, peak, robot.torque_units[joint]
+            unit = "N" if axis.prismatic else "N·m"
+    sizes_there: Fields = {"rms": size / lever, "peak": peak / lever, "torque_unit": unit}
+    return sizes_there | {"joint": robot.joints[joint], "share": share}
 
 
 def _place(naming: Naming, k: int) -> Placement:
@@ -944,7 +1013,6 @@ def _place(naming: Naming, k: int) -> Placement:
     if c.positive:
         value = np.maximum(value, 0.0)
     parameters = part.parameters(naming.problem.robot)
-    rms, peak, unit = _measure_torque(naming, k, value)
     rivals = [r.key for r in part.rivals]  # a family everywhere is here, too
     here = (Rival(name, place.replace(EVERYWHERE, c.place)) for name, place in rivals)
     return Placement(
@@ -956,9 +1024,7 @@ def _place(naming: Naming, k: int) -> Placement:
         units=tuple(x.unit for x in parameters),
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0) + part.spread**2),
-        rms=rms,
-        peak=peak,
-        torque_unit=unit,
+        **_measure_torque(naming, k, value),
         rivals=tuple(dict.fromkeys(here)),
         weight=part.weight,
         odds=part.term.odds,
@@ -992,12 +1058,10 @@ def _law(naming: Naming, k: int, j: int) -> Array:
 def _curve(naming: Naming, fitted: Prediction, k: int, placed: Placement) -> Curve:
     """Return the learned law of a part along the fitted motion."""
     c = naming.parts[k].candidate
-    columns = {j: naming.columns([k], j) for j in naming.acts(k)}
-    sizes = {j: np.abs(own @ placed.values).sum() for j, own in columns.items()}
-    j = max(sizes, key=sizes.__getitem__)
+    j = naming.problem.robot.joints.index(placed.joint)
     of = c.effect.drawn_over(naming.problem.robot, j)
     measured = fitted.data[:, j]
-    data = fitted.residual[:, j, 0] + columns[j] @ placed.values
+    data = fitted.residual[:, j, 0] + naming.columns([k], j) @ placed.values
     law = _law(naming, k, j)[measured]
     x = naming.fitted.along(of)[c.family.against]
     variance = law**2 @ placed.errors**2

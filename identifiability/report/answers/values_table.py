@@ -19,17 +19,17 @@ from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.servo import list_gains
 from identifiability.workflows.analyze.result import Laddered
 
-from .answers.analyze import label_note
-from .answers.common import JOINT_KINDS, kind_columns, sentence
-from .answers.tables import make_table
+from .analyze import label_note
+from .common import JOINT_KINDS, kind_columns, sentence
+from .tables import make_table
 
 
 def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     """Return a row for each joint: mass of its body, frictions and rotor, with verdicts.
 
     Motors that mix joints, and passive joints, have a row of their friction and rotor. None if the
-    model has none of these parameters. The caption refers to the section of all parameters by its
-    title.
+    model has none of these parameters, or no value is judged. The caption refers to the section of
+    all parameters by its title.
     """
     robot = result.robot
     rows_of = _ModelRows(result)
@@ -58,7 +58,7 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
     titles = [column.title for column in kind_columns(robot, lost)[1:]]
     caption = sentence("values", "lost", lost=titles, section=parameters) if lost else ""
     if rows_of.doubted:
-        caption += sentence("values", "doubts")
+        caption += sentence("values", "doubts", section=parameters)
     columns = kind_columns(robot, [*cells])
     gains = [Cell(", ".join(list_gains(servo, place))) for place in places]
     names = [Cell(x, note=sentence("values", "passive") if x in passive else "") for x in places]
@@ -68,6 +68,19 @@ def joint_values(result: Laddered[Any], parameters: str) -> Table | None:
         each.append(gains)
     rows = [*zip(*each, strict=True)]
     return Table.of(caption.strip(), columns, rows)
+
+
+def list_values(result: Laddered[Any]) -> Table:
+    """Return the values of `joint_values` one a row, with their small print as columns."""
+    table = joint_values(result, "") or Table("", (), ())
+    titles = [column.title for column in table.columns[1:]]
+    rows = [
+        (row[0].text, title, cell.text, *cell.note.partition("; ")[::2])
+        for row in table.rows
+        for title, cell in zip(titles, row[1:], strict=True)
+        if cell.badge
+    ]
+    return make_table("values", rows)
 
 
 def offset_table(result: Laddered[Any]) -> Table | None:
