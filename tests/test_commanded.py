@@ -164,11 +164,11 @@ def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     q = np.sin(3 * t)[:, None]
     zero = 0 * q
     log = Log.from_arrays(t, q, zero, joints=["a"])
-    log = replace(log, q_ref=np.full_like(q, 0.3), dq_ref=np.full_like(q, 0.1), tau_ff=zero + 2.0)
-    servo = Servo(*np.array([[40.0], [2.0], [-30.0], [30.0]]))
+    log = replace(log, q_ref=zero + 0.3, dq_ref=zero + 0.1, tau_ff=zero + 2.0)
+    servo = Servo(*np.c_[40.0, 2.0, -30.0, 30.0].T)
     made = servo_log(log, servo, 0.0)
-    late = 2.0 - 40.0 * 0.5e-3
-    raw = 40 * (0.3 - q) + 2.0 * 0.1 + 2.0 - late * 3 * np.cos(3 * t)[:, None]
+    late = 1.98  # kv less kp times half a millisecond, the age of a measurement
+    raw = 40 * (0.3 - q) + 2.2 - late * 3 * np.cos(3 * t)[:, None]
     inside = np.abs(raw) < 30
     assert 0.2 < inside.mean() < 0.95
     assert_allclose(made.tau[inside], raw[inside], atol=1e-6)

@@ -207,7 +207,7 @@ def drawn(arm, seed, rho, effect=None, until=1.0):
     for k, joint in enumerate(robot.joints):
         sd = 0.03 * frame[f"{joint}.tau"].std()
         f[f"{joint}.tau"] += sd * ar1((len(f), 1), rho, default_rng([seed, k]))[:, 0]
-    if effect is not None:
+    if effect:
         joint, size, curve = effect
         x = curve(*(frame[f"{joint}.{k}"].to_numpy() for k in ("q", "dq", "tau")))
         sd = 0.03 * frame[f"{joint}.tau"].std()
@@ -220,10 +220,9 @@ def missing_in(arm, seed, rho, effect=None, gone=0.0):
     """What may be missing in a drawn log, of which some rows are gone."""
     found = Missing.of(drawn(arm, seed, rho, effect), find_families(None), arm[2].present)
     if gone:
-        rng = default_rng(seed)
         data = found.seen.data.copy()
         length = int(gone * len(data) / 20)
-        for a in rng.integers(len(data) - length, size=20):
+        for a in default_rng(seed).integers(len(data) - length, size=20):
             data[a : a + length] = False
         X, y = found.seen.X * data[:, :, None], found.seen.y * data
         runs = split_runs(found.seen.runs[0], data)
@@ -242,7 +241,7 @@ def test_groups_share_one_prior_and_columns_are_as_large_as_torque(arm):
     for (j, _), x in acts.items():
         assert not x[~found.seen.data[:, j]].any()
     for c in found.candidates:
-        own = [(j, k) for j, k in acts if k in c.columns]
+        own = [x for x in acts if x[1] in c.columns]
         if c.family.flexible and not c.family.pairs:
             assert np.ptp(found.scale[list(c.columns)]) == 0.0
         elif len(own) == len(c.columns) == 1:

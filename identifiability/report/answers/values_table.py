@@ -74,12 +74,12 @@ def list_values(result: Laddered[Any]) -> Table:
     """Return the values of `joint_values` one a row, with their small print as columns."""
     table = joint_values(result, "") or Table("", (), ())
     titles = [column.title for column in table.columns[1:]]
-    rows = [
-        (row[0].text, title, cell.text, *cell.note.partition("; ")[::2])
-        for row in table.rows
-        for title, cell in zip(titles, row[1:], strict=True)
-        if cell.badge
-    ]
+    rows = []
+    for joint, *cells in table.rows:
+        for title, cell in zip(titles, cells, strict=True):
+            if cell.badge:
+                said, _, file = cell.note.partition("; ")
+                rows.append((joint.text, title, cell.text, said, file))
     return make_table("values", rows)
 
 

@@ -856,9 +856,10 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
 
 def _list_lacked(naming: Naming, included: int) -> MissingEffects:
     """Return the effects that the search found and that the completed model still lacks."""
+    left_out = [part.term for part in naming.parts[included:]]
     removed = [term for term, _, needed in naming.possible if np.isnan(needed)]
-    named = dict.fromkeys([*(p.term for p in naming.parts[included:]), *removed])
-    return MissingEffects(tuple(named), (), noise=naming.search.missing.noise)
+    named = tuple(dict.fromkeys(left_out + removed))
+    return MissingEffects(named, (), noise=naming.search.missing.noise)
 
 
 def judge_completed(
