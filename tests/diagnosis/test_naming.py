@@ -272,7 +272,7 @@ def test_a_shape_that_lies_between_is_found_and_nothing_beside_it(diagnosis_of, 
     true = 0.4 * span.rms_speed
     (placed,) = d.effects[0].placements
     assert abs(placed.shape - true) < 3 * placed.shape_error < np.abs(grid - true).min()
-    assert d.tables()[0].rows[0][2].note.startswith("vt = ")
+    assert d.tables()[1].rows[0][2].note.startswith("vt = ")
 
 
 def test_static_friction_is_below_the_largest_torque_of_a_joint_that_moved():

@@ -40,7 +40,7 @@ def test_a_file_states_its_error_and_which_numbers_of_joints_the_logs_determine(
     out = path.with_name("stated.xml")
     said = succeeds("export", robot.path, path, "--out", out, "--force").stdout
     assert told["statement"] in said
-    joint = re.search(r"elbow: armature .* ± .* frictionloss .* \(between 0.* and 0.*", said)
+    joint = re.search(r"shoulder: armature .* \(between 0 and .* frictionloss .* ± .*", said)
     assert joint[0] in out.read_text()
 
 
@@ -157,7 +157,8 @@ def test_what_logs_determine_hardly_varies_and_what_they_leave_open_does(made):
     for table, name in product((narrow, wide), ("elbow.Fv", "elbow.Fc", "shoulder.Fc")):
         low, high = stated[name]
         ends = table[name].quantile([0.025, 0.975]).to_numpy()
-        assert_allclose(ends, [low, high], rtol=0, atol=0.2 * (high - low))
+        # Draws lie about the value of rollouts, and intervals about that of the torque.
+        assert_allclose(ends, [low, high], rtol=0, atol=0.35 * (high - low))
     rolled = result.recordings.rolled
     late, sd = rolled.delays[0], rolled.delay_errors[0]
     assert wide["delay"].mean() == pytest.approx(late, abs=0.2 * sd)

@@ -902,7 +902,11 @@ def judge_completed(
 def _under_completed(found: Diagnosis, data: Data) -> tuple[Data, Data]:
     """Return data under the completed model: rows to fit, and rows that were searched."""
     # Errors of delays are measured along the logged motion, not along rollouts.
-    samples = data.samples if found.commanded else found.samples
+    gone = {change.log for change in found.changes if change.whole}
+    fitted = tuple(log for log in data.recordings.fitted if log.name not in gone)
+    data = replace(data, recordings=replace(data.recordings, fitted=fitted))
+    kept = tuple(s for s in data.samples if s.name not in gone)
+    samples = kept if found.commanded else found.samples
     columns = partial(found.problem.regression, found.completed)
     under = partial(with_regression, data, found.completed)
     searched = found.problem.excerpt or found.samples
