@@ -17,10 +17,12 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 import mujoco
 import numpy as np
 import pandas as pd
+from mujoco import rollout
 from shared import data_folder, study_parser, write_answer
 
 from identifiability import analyze, export
@@ -44,6 +46,9 @@ MOST_ERROR = 20.0
 #: Longest processor time of an analysis with its page, and until its first page, in times that
 #: MuJoCo alone takes for the held-out motions: seconds depend on the machine.
 MOST_TURNS = {"page": 30.0, "first page": 6.0}
+
+#: Most steps of rollouts of an analysis. Times of one machine vary by half, and steps do not.
+MOST_STEPS = 7_000_000
 
 #: Delays of the command that are tried [rows].
 DELAYS = range(13)
@@ -109,7 +114,15 @@ def judge_gains(
     data: Path, gains: str, motions: Sequence[str]
 ) -> tuple[pd.DataFrame, dict[str, float]]:
     """Return one row a held-out motion, and the processor time until each page [s]."""
-    with TemporaryDirectory() as folder:
+    steps = 0
+    plain = rollout.rollout
+
+    def counted(model: Any, data: Any, state: Array, control: Array, **more: Any) -> Any:
+        nonlocal steps
+        steps += len(control)
+        return plain(model, data, state, control, **more)
+
+    with TemporaryDirectory() as folder, patch.object(rollout, "rollout", counted):
         robot = Path(folder) / "so101.urdf"
         shutil.copy(data / "so101.urdf", robot)
         robot.with_suffix(".toml").write_text(GAINS[gains])
@@ -124,6 +137,7 @@ def judge_gains(
         first = partial(write, "first page")
         result = analyze(robot, logs, data / f"{HELD_OUT[0]}.csv", first=first)
         write("page", result)
+        needed = steps
         file = Path(folder) / "fitted.xml"
         export(robot, result.to_json(Path(folder) / "result.json"), file)
         delay = float(result.recordings.rolled.delays.mean())
@@ -134,7 +148,8 @@ def judge_gains(
         for name in motions:
             log = pd.read_csv(data / f"{name}.csv")
             judged = judge_motion(file, log, joints, delay)
-            rows.append({"gains": gains, "motion": name, **judged, "blamed": blamed})
+            told = {"blamed": blamed, "steps": needed}
+            rows.append({"gains": gains, "motion": name, **judged, **told})
     return pd.DataFrame(rows), seconds
 
 
@@ -147,6 +162,8 @@ def failed_checks(frame: pd.DataFrame, seconds: dict[str, dict[str, float]]) -> 
             failed.append(f"{gains}: median error {median:.1f} mrad")
         worse = rows[rows["exported [mrad]"] >= rows["command [mrad]"]]
         failed += [f"{gains}: worse than the command in {motion}" for motion in worse["motion"]]
+        if rows["steps"].max() > MOST_STEPS:
+            failed.append(f"{gains}: {rows['steps'].max():,} steps of rollouts")
         failed += [f"{gains}: {blamed}" for blamed in rows["blamed"].unique() if blamed]
     for gains, times in seconds.items():
         of_gains = (frame["gains"] == gains) & frame["motion"].isin(HELD_OUT)
