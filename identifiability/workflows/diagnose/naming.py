@@ -255,6 +255,11 @@ class Naming:
         return self.completed.regression(validation) if validation else self.regression
 
     @cached_property
+    def excerpt_regression(self) -> Regression:
+        """Columns of the completed model along the rows that are searched for effects."""
+        return self.problem.regression(self.completed, self.problem.excerpt or None)
+
+    @cached_property
     def information(self) -> Information:
         """About the base parameters of the completed model, with equal rows."""
         return gather_information(self.regression)
@@ -330,9 +335,7 @@ class Naming:
 
     def predict_excerpt(self, fit: Array) -> Prediction:
         """Return torque along the rows that are searched for effects."""
-        if not self.problem.excerpt:
-            return self.predict_fitted([fit])
-        return predict(self.completed.regression(self.fitted.samples), fit[:, None])
+        return predict(self.excerpt_regression, fit[:, None])
 
 
 def without_parts(naming: Naming, gone: Collection[int]) -> Naming:

@@ -839,8 +839,10 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     discrepancies = tuple(
         find_discrepancies(naming.fitted, fitted.residual[..., 0], problem.robot.joints)
     )
+    computed = naming.regression, naming.unseen_regression, naming.excerpt_regression
+    more = tuple((naming.completed, own) for own in computed)
     return Diagnosis(
-        problem=problem,
+        problem=replace(problem, columns=(*problem.columns, *more)),
         effects=tuple(_list_effects(naming, placed, found.gap, rng)),
         curves=curves,
         refuted=tuple(_odds_of(*x) for x in naming.refuted),
@@ -910,7 +912,10 @@ def _under_completed(found: Diagnosis, data: Data) -> tuple[Data, Data]:
     columns = partial(found.problem.regression, found.completed)
     under = partial(with_regression, data, found.completed)
     searched = found.problem.excerpt or found.samples
-    return under(samples, columns(samples)), under(searched, columns(searched))
+    both = under(samples, columns(samples)), under(searched, columns(searched))
+    if data.validation:
+        vars(both[0])["unseen"] = vars(both[1])["unseen"] = columns(data.validation)
+    return both
 
 
 def _restate_tilt(d: Diagnosis) -> Diagnosis:
