@@ -841,8 +841,9 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     )
     computed = naming.regression, naming.unseen_regression, naming.excerpt_regression
     more = tuple((naming.completed, own) for own in computed)
+    problem = replace(problem, columns=problem.columns + more)
     return Diagnosis(
-        problem=replace(problem, columns=(*problem.columns, *more)),
+        problem=problem,
         effects=tuple(_list_effects(naming, placed, found.gap, rng)),
         curves=curves,
         refuted=tuple(_odds_of(*x) for x in naming.refuted),
