@@ -904,17 +904,18 @@ def judge_completed(
 
 def _under_completed(found: Diagnosis, data: Data) -> tuple[Data, Data]:
     """Return data under the completed model: rows to fit, and rows that were searched."""
-    # Errors of delays are measured along the logged motion, not along rollouts.
-    gone = {change.log for change in found.changes if change.whole}
-    fitted = tuple(log for log in data.recordings.fitted if log.name not in gone)
+    left_out = {change.log for change in found.changes if change.whole}
+    fitted = tuple(log for log in data.recordings.fitted if log.name not in left_out)
     data = replace(data, recordings=replace(data.recordings, fitted=fitted))
-    kept = tuple(s for s in data.samples if s.name not in gone)
-    samples = kept if found.commanded else found.samples
+    logged = tuple(s for s in data.samples if s.name not in left_out)
+    # Errors of delays are measured along the logged motion, not along rollouts.
+    samples = logged if found.commanded else found.samples
     columns = partial(found.problem.regression, found.completed)
     under = partial(with_regression, data, found.completed)
     searched = found.problem.excerpt or found.samples
     both = under(samples, columns(samples)), under(searched, columns(searched))
     if data.validation:
+        # The diagnosis has computed these columns already.
         vars(both[0])["unseen"] = vars(both[1])["unseen"] = columns(data.validation)
     return both
 
