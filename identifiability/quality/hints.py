@@ -1,6 +1,7 @@
 """Checks of prepared logs: torque in another unit, the support of a base.
 
-They also find impossible values in the robot file, and joints without information.
+They also find torque that was copied from another column, impossible values in the robot file, and
+joints without information.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,7 +12,7 @@ import numpy as np
 from identifiability.estimation.estimate import Outliers, weigh_outliers
 from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.linalg import rms_of
+from identifiability.foundation.linalg import ROUNDOFF, rms_of
 from identifiability.foundation.names import Array, name_each
 from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.rounding import REACH
@@ -164,6 +165,26 @@ def find_off(logs: MeasuredLogs) -> Iterator[Finding]:
                 places.append(phrase("off", "one", log=rows.name, first=first, last=last))
     if places:
         yield Finding("off", where=places)
+
+
+@check("copied", Does.MISREADS)
+def find_copied_torque(logs: MeasuredLogs) -> Iterator[Finding]:
+    """Yield pairs of torque columns that are multiples of each other while the joints are not."""
+    columns: dict[str, None] = {}
+    for rows in logs.measured:
+        alike = [_correlate(x) > 1 - ROUNDOFF for x in (rows.tau, rows.q)]
+        for pair in np.argwhere(np.triu(alike[0] & ~alike[1], 1)).tolist():
+            columns |= dict.fromkeys(f"{rows.joints[k]}.tau" for k in pair)
+    if columns:
+        yield Finding("copied", columns=[*columns])
+
+
+def _correlate(x: Array) -> Array:
+    """Return the absolute correlations of columns (N, n), (n, n); zero where one is constant."""
+    varies = x - x.mean(0)
+    size = np.linalg.norm(varies, axis=0)
+    varies /= np.where(np.ptp(x, axis=0) > 0, size, np.inf)
+    return np.abs(varies.T @ varies)
 
 
 # Problems of the robot file, and joints without information; checked for any logs.
