@@ -141,7 +141,8 @@ class DiagnosisPresenter(PredictingPresenter):
             if len(used) == 1:
                 names = [name_place(used[0].name, name_places(used[0]))]
             file = Path(d.written("model") or "").name
-            out.append(command("judge_written" if file else "judge", line, names=names, file=file))
+            kind = "judge_unsure" if _is_unsure(d) else "judge_written" if file else "judge"
+            out.append(command(kind, line, names=names, file=file))
         if undecided:
             out.append(command("separate", f"{again} --next motion.json"))
         if logs_disagree(d):
@@ -519,12 +520,16 @@ def _answer_gap(d: Diagnosis) -> Answer:
     every = len(d.completed.base)
     if len(reduction) < every:
         more = sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
-    unsure = d.interval[1] >= 0
-    tone = "amber" if unsure or moves_worse(d.moved) else "green"
-    part = "unsure" if unsure and interval else "falls"
+    tone = "amber" if d.interval[1] >= 0 or moves_worse(d.moved) else "green"
+    part = "unsure" if _is_unsure(d) else "falls"
     errors: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     errors |= {"count": d.effects, "interval": interval}
     return replace(answer(about, part, text, tone, **errors), more=more)
+
+
+def _is_unsure(d: Diagnosis) -> bool:
+    """Return whether the interval of the change of the error contains zero."""
+    return any(d.interval) and d.interval[1] >= 0
 
 
 def _state_joint(d: Diagnosis) -> str:

@@ -71,6 +71,7 @@ from identifiability.workflows.case import Case, Use
 from identifiability.workflows.predict import (
     BendingEntry,
     FitEntry,
+    PeakEntry,
     PositionPrediction,
     ResultEntry,
     check_reading,
@@ -472,13 +473,7 @@ def _state_lacking(
         Of the file.
     """
     lacking = _list_lacking(robot, content, given, kind)
-    most = content.physical.lost.get(kind)
-    units = dict(zip(robot.joints, robot.torque_units, strict=True))
-    peak = ""
-    if most:
-        unit = units[most.joint]
-        peak = phrase("exported", "peak", **vars(most), unit=unit, effects=[*lacking])
-    return state_lost(robot, given, lacking, kind, name, peak)
+    return state_lost(robot, given, lacking, kind, name, content.physical.lost.get(kind))
 
 
 def state_lost(
@@ -487,9 +482,11 @@ def state_lost(
     lacking: Mapping[str, Strings],
     kind: Kind,
     name: str,
-    peak: str = "",
+    most: PeakEntry | None = None,
 ) -> str:
     """Return the effects that a file cannot hold, and the remedy; empty without any.
+
+    Faults of sensors are none of the robot: they are said apart.
 
     Parameters
     ----------
@@ -501,16 +498,24 @@ def state_lost(
     kind : {"mjcf", "urdf", "isaaclab"}
     name : str
         Of the file.
-    peak : str
-        Their largest torque in words.
+    most : PeakEntry, optional
+        Their largest torque.
     """
-    few = {e: listing(names, 4, things="parameters") for e, names in lacking.items()}
-    effects = [f"{effect} ({names})" for effect, names in few.items()]
     lost = values_not_in_file(robot, values, kind)
-    if not lost:
-        return phrase("exported", "misread", file=name, effects=effects) if effects else ""
+    effects, faults = list[str](), list[str]()
+    for effect, names in lacking.items():
+        of_robot = not lost.keys().isdisjoint(names)
+        few = listing(names, 4, things="parameters")
+        (effects if of_robot else faults).append(f"{effect} ({few})")
+    said = [phrase("exported", "misread", file=name, effects=faults)] if faults else []
+    if not effects:
+        return " ".join(said)
+    units = dict(zip(robot.joints, robot.torque_units, strict=True))
+    peak = ""
+    if most:
+        peak = phrase("exported", "peak", **vars(most), unit=units[most.joint], effects=effects)
     where = "in_function" if kind == "isaaclab" else "in_sidecar"
-    said = [phrase("exported", where, file=name, effects=effects, peak=peak)]
+    said.append(phrase("exported", where, file=name, effects=effects, peak=peak))
     if kind == "urdf" and not values_not_in_file(robot, lost, "mjcf"):
         said.append(phrase("exported", "in_mjcf", effects=effects))
     return " ".join(said)
@@ -580,8 +585,6 @@ def _describe(
     physical = content.physical
     lacking = _list_lacking(robot, content, given, kind)
     error_file = physical.error_ra_files.get(kind)
-    if lacking and not values_not_in_file(robot, given, kind):
-        error_file = physical.error_ra
     mass = state_mass(robot, given, physical.cad_prior)
     notes = _state_notes(robot, content, kind, written.robot.name, said=unseen is not None)
     return Exported(
