@@ -504,16 +504,15 @@ def state_lost(
     lost = values_not_in_file(robot, values, kind)
     effects, faults = list[str](), list[str]()
     for effect, names in lacking.items():
-        of_robot = not lost.keys().isdisjoint(names)
-        few = listing(names, 4, things="parameters")
-        (effects if of_robot else faults).append(f"{effect} ({few})")
+        found = faults if lost.keys().isdisjoint(names) else effects
+        found.append(f"{effect} ({listing(names, 4, things='parameters')})")
     said = [phrase("exported", "misread", file=name, effects=faults)] if faults else []
     if not effects:
         return " ".join(said)
-    units = dict(zip(robot.joints, robot.torque_units, strict=True))
     peak = ""
     if most:
-        peak = phrase("exported", "peak", **vars(most), unit=units[most.joint], effects=effects)
+        unit = robot.torque_units[robot.joints.index(most.joint)]
+        peak = phrase("exported", "peak", **vars(most), unit=unit, effects=effects)
     where = "in_function" if kind == "isaaclab" else "in_sidecar"
     said.append(phrase("exported", where, file=name, effects=effects, peak=peak))
     if kind == "urdf" and not values_not_in_file(robot, lost, "mjcf"):

@@ -12,6 +12,7 @@ from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.robot.description import name_numbers
 from identifiability.workflows.export import write_parameters
+from identifiability.workflows.export.workflow import state_lost
 
 from ...conftest import shipped_log
 from .conftest import move
