@@ -141,8 +141,7 @@ class DiagnosisPresenter(PredictingPresenter):
             if len(used) == 1:
                 names = [name_place(used[0].name, name_places(used[0]))]
             file = Path(d.written("model") or "").name
-            kind = "judge_unsure" if _is_unsure(d) else "judge_written" if file else "judge"
-            out.append(command(kind, line, names=names, file=file))
+            out.append(command(_choose_judge(d, file), line, names=names, file=file))
         if undecided:
             out.append(command("separate", f"{again} --next motion.json"))
         if logs_disagree(d):
@@ -525,6 +524,13 @@ def _answer_gap(d: Diagnosis) -> Answer:
     errors: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     errors |= {"count": d.effects, "interval": interval}
     return replace(answer(about, part, text, tone, **errors), more=more)
+
+
+def _choose_judge(d: Diagnosis, file: str) -> str:
+    """Return what is said of a fit with the named effects, which may be in a file."""
+    if _is_unsure(d):
+        return "judge_unsure"
+    return "judge_written" if file else "judge"
 
 
 def _is_unsure(d: Diagnosis) -> bool:

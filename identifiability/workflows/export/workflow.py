@@ -504,20 +504,21 @@ def state_lost(
     lost = values_not_in_file(robot, values, kind)
     effects, faults = list[str](), list[str]()
     for effect, names in lacking.items():
-        found = faults if lost.keys().isdisjoint(names) else effects
-        found.append(f"{effect} ({listing(names, 4, things='parameters')})")
-    said = [phrase("exported", "misread", file=name, effects=faults)] if faults else []
+        of_robot = not lost.keys().isdisjoint(names)
+        few = listing(names, 4, things="parameters")
+        (effects if of_robot else faults).append(f"{effect} ({few})")
+    apart = phrase("exported", "misread", file=name, effects=faults) if faults else ""
     if not effects:
-        return " ".join(said)
+        return apart
     peak = ""
     if most:
         unit = robot.torque_units[robot.joints.index(most.joint)]
         peak = phrase("exported", "peak", **vars(most), unit=unit, effects=effects)
     where = "in_function" if kind == "isaaclab" else "in_sidecar"
-    said.append(phrase("exported", where, file=name, effects=effects, peak=peak))
-    if kind == "urdf" and not values_not_in_file(robot, lost, "mjcf"):
-        said.append(phrase("exported", "in_mjcf", effects=effects))
-    return " ".join(said)
+    said = phrase("exported", where, file=name, effects=effects, peak=peak)
+    only_urdf = kind == "urdf" and not values_not_in_file(robot, lost, "mjcf")
+    more = phrase("exported", "in_mjcf", effects=effects) if only_urdf else ""
+    return " ".join(filter(None, (apart, said, more)))
 
 
 def _list_lacking(
