@@ -252,7 +252,8 @@ def write_servos(top: Element, joints: Sequence[str], servo: Servo, offsets: Num
     """Write position servos of joints and tendons in place of their actuators.
 
     A servo without kp controls velocity. A torque offset becomes a separate bias. The damping is
-    that of the servo, less the effect of delayed positions.
+    that of the servo, less the effect of delayed positions. If the effect is larger, the joint has
+    less damping instead: MuJoCo reads a bias that grows with speed as a ratio of damping.
     """
     actuators = top.findall("actuator")
     names = dict(zip(joints, joints, strict=True))
@@ -266,7 +267,7 @@ def write_servos(top: Element, joints: Sequence[str], servo: Servo, offsets: Num
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
         off = offsets.get(joint, 0.0)
-        bias = np.array([-off, -servo.kp[k], -servo.damping[k]])
+        bias = np.array([-off, -servo.kp[k], -max(servo.damping[k], 0.0)])
         law = affine_law(float(servo.gain[k]), bias, float(servo.integral[k]))
         kind = "tendon" if joint in tendons else "joint"
         own = {"name": names[joint], kind: joint, "gear": "1"}
@@ -527,8 +528,10 @@ def _write_forces(
     tendons = [e for part in top.iter("tendon") for e in part]
     elements = {e.get("name"): e for e in (*_joints(top), *tendons)}
     for name, lead, damping in zip(robot.joints, servo.lead, servo.damping, strict=True):
+        left = max(joints[name]["damping"] + min(damping, 0.0), 0.0)
         seen = 0.0005 * (joints[name]["damping"] + damping) - lead
         elements[name].attrib |= {
+            "damping": f"{left:.17g}",
             "armature": f"{max(joints[name]['armature'] - seen, 0.0):.17g}",
             "solreffriction": "0.002 1",
             "solimpfriction": "0.9999 0.9999",

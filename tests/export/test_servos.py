@@ -44,14 +44,22 @@ def test_a_file_states_its_error_and_which_numbers_of_joints_the_logs_determine(
     assert joint[0] in out.read_text()
 
 
-@pytest.mark.parametrize("slide, scale", [(0.0, 0.0), (0.004, 0.0), (0.0, 0.25)])
-def test_commands_move_the_written_file_as_they_move_the_result(made, tmp_path, slide, scale):
+@pytest.mark.parametrize(
+    "slide, scale, kv", [(0.0, 0.0, 1), (0.004, 0.0, 1), (0.0, 0.25, 1), (0.0, 0.0, 0)]
+)
+def test_commands_move_the_written_file_as_they_move_the_result(made, tmp_path, slide, scale, kv):
     robot, frames, result, path = made
-    servo = replace(robot.servo, slide=np.full(2, slide))  # dry friction builds up
+    # Joints may have all damping, and dry friction may build up.
+    damped = robot.servo.kv
+    robot = replace(robot, servo=replace(robot.servo, kv=kv * damped))
+    servo = replace(robot.servo, slide=np.full(2, slide))
     told = replace(result.moved, robot=replace(robot, servo=servo)).to_rollout()
     own = tmp_path / "own.json"
     content = json.loads(path.read_text()) | {"rollout": told}
-    content["physical"]["parameters"]["elbow.scale"] = scale
+    values = content["physical"]["parameters"]
+    values["elbow.scale"] = scale
+    for joint, damping in zip(robot.joints, damped - servo.kv, strict=True):
+        values[f"{joint}.Fv"] += damping
     own.write_text(json.dumps(content))
     out = tmp_path / "fitted.xml"
     done = export(robot, own, out, validate=frames[1], force=True)

@@ -248,8 +248,12 @@ def _convert(robot: Robot, path: Path) -> Robot:
 def _values_beside(robot: Robot, values: NumberByName, alone: NumberByName) -> dict[str, float]:
     """Return the values that the robot file alone, with its own values, does not have."""
     beside = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
-    if robot.mjcf and robot.known_servo is not None:  # whose rotors the file has for its own step
+    servo = robot.known_servo
+    if robot.mjcf and servo is not None:
+        # The file has rotors for its own step, and less damping where positions are delayed.
         exact = {f"{joint}.{part}" for joint in robot.joints for part in robot.inertia_parts}
+        late = servo.damping < 0
+        exact |= {f"{joint}.Fv" for joint, x in zip(robot.joints, late, strict=True) if x}
         beside |= {n: v for n, v in values.items() if n in exact}
     return beside
 
