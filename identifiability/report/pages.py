@@ -256,7 +256,7 @@ def section_effects(d: Diagnosis) -> Section | None:
         refuted = make_table("refuted", map(_odds_row, d.refuted), verified=d.verified_on)
     possible = None
     if d.possible:
-        table = make_table("possible", map(_odds_row, d.possible))
+        table = make_table("possible", map(_possible_row, d.possible))
         possible = Fold(sentence("diagnosis.possible"), (table,))
     blocks = (*d.tables()[d.judged is not None : -1], curves, refuted, possible)
     use = sentence("diagnosis.use", "kept" if moves_worse(d.moved) else "fitted")
@@ -341,6 +341,12 @@ def _section_where(d: Diagnosis) -> Section:
     ]
     explained = [Column(cause, rough_percent) for cause in causes]
     return section("diagnosis.where", make_table("where", rows, more=explained))
+
+
+def _possible_row(x: Odds) -> dict[str, Any]:
+    """Return the odds of an effect without a name as one row of a table, and why it has none."""
+    part = "harmful" if np.isnan(x.needed) else "weak"
+    return {**_odds_row(x), "why": sentence("diagnosis.possible", part, **vars(x))}
 
 
 def _odds_row(x: Odds) -> dict[str, Any]:

@@ -396,7 +396,9 @@ class PredictingPresenter(AnsweringPresenter):
         at = robot.joints.index(joint)
         size = f"{format_number(float(sizes[at]), 3, pad=True)} {robot.torque_units[at]}"
         uneven = errs_unevenly(error, own)
-        worst = sentence("quality", "uneven" if uneven else part, joint=joint, own=own, rms=size)
+        holes: dict[str, Any] = {"joint": joint, "own": own, "rms": size}
+        holes["middle"] = float(np.nanmedian(each))
+        worst = sentence("quality", "uneven" if uneven else part, **holes)
         if not uneven:
             return worst, "", grade
         noisy = is_noise(sizes, self.noise())[at]

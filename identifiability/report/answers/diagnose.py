@@ -331,6 +331,8 @@ def _answer_missing(d: Diagnosis) -> Answer:
         for c in d.changes
     ]
     short = capital(_name_missing([*tilted, *named]))
+    if _is_unsure(d):
+        short = join_sentences(short, sentence(about, "unproven", count=named))
     odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
     unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
     worse = moves_worse(d.moved)
@@ -474,7 +476,8 @@ def _state_size(d: Diagnosis, e: NamedEffect) -> str:
 def _state_share(e: NamedEffect) -> str:
     """Return the largest torque of an effect as a share of the variation in its joint."""
     most = e.placements[0]
-    return sentence("diagnosis.missing", "share", share=most.share, joint=most.joint)
+    part = "own_share" if e.joints == (most.joint,) else "share"
+    return sentence("diagnosis.missing", part, share=most.share, joint=most.joint)
 
 
 def _tilt_of(d: Diagnosis, values: Array) -> Tilt | None:
@@ -624,10 +627,11 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
             added = unit_cell(p.peak, p.torque_unit)
             named = name if p.sure else sentence("diagnosis.missing", "unsure")
             shape = _state_shape(d, e.name, p)
+            odds = logit(p.weight * expit(p.odds)) if p.rivals else p.odds
             names = [row[0] for row in p.rows]
             if len(names) > 2:  # no coefficient of a curve means anything alone
                 curve = sentence("diagnosis.missing", "curve", count=names)
-                yield named, f"{names[0]} … {names[-1]}", curve, p.odds, p.unseen, added
+                yield named, f"{names[0]} … {names[-1]}", curve, odds, p.unseen, added
                 continue
             for parameter, value, error, unit in p.rows:
                 far = np.isfinite(p.shape) and _is_far(value, error, p.peak)
@@ -635,7 +639,7 @@ def _list_effects(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
                 note = "; ".join(filter(None, (shape, limit)))
                 symbol = parameter.rpartition(".")[2]
                 size = Cell(f"{symbol} = {measured(value, error, unit)}", value, note=note)
-                yield named, parameter, size, p.odds, p.unseen, added
+                yield named, parameter, size, odds, p.unseen, added
 
 
 def shorten_title(title: str) -> str:
