@@ -416,7 +416,9 @@ class Missing:
         for name, places in found.items():
             every = list(places.values())
             out |= {(name, place): [[c] for c in own] for place, own in places.items()}
-            if len(every) > 1 and every[0][0].family.local:
+            family = every[0][0].family
+            # The same share of each joint's range is no common period.
+            if len(every) > 1 and family.local and not family.refined:
                 shapes = range(len(every[0]))
                 out[name, EVERYWHERE] = [[x[k] for x in every if k < len(x)] for k in shapes]
         return out
