@@ -16,6 +16,7 @@ import numpy as np
 from identifiability.effects import FAMILIES, AlongAxes, find_family, joints_of, title_of
 from identifiability.effects.effect import POSTURES, RESTS, SPEEDS
 from identifiability.effects.springs import PRODUCTS, SpringOverTwo
+from identifiability.effects.transmission import PositionRipple
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.quoting import for_python
@@ -24,7 +25,7 @@ from identifiability.robot import Robot
 from identifiability.robot.description import Axis
 from identifiability.simulation.motion import usual_limits
 
-#: Points of a table.
+#: Points of a table, and of every four periods of a ripple in it.
 POINTS = 161
 
 #: Families of curves over a joint's own speed or position.
@@ -147,10 +148,12 @@ def _tabulate(robot: Robot, axis: Axis, parts: Parts, friction: float) -> Json:
     limits = robot.limits[k]
     low, high = np.where(np.isfinite(limits), limits, usual["q"][k])
     v = np.geomspace(1e-4 * fastest, fastest, POINTS)
-    q = np.linspace(low, high, POINTS)
+    ripples = (x for x, _ in parts.values() if isinstance(x, PositionRipple))
+    periods = [(high - low) / x.shape(robot, axis) for x in ripples]
+    q = np.linspace(low, high, POINTS * int(max([4.0, *periods]) / 4))
     at = partial(_halves, robot, axis, parts.values(), home)
     level, torque = at(np.full(POINTS, home), v)
-    levels, torques = at(q, np.full(POINTS, v[0]))
+    levels, torques = at(q, np.full_like(q, v[0]))
     both_ways = np.append(torque[::-1], torque)
     return {
         "friction over speed": _rounded(v, friction + level),
