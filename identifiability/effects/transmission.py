@@ -275,7 +275,7 @@ class GearRipple(PositionRipple):
     """
 
     name = "gear_ripple"
-    equation = "τ = Rs sin(2π q/λ) + Rc cos(2π q/λ), λ = 2π/ratio/k"
+    equation = "τ = Ms sin(2π q/λ) + Mc cos(2π q/λ), λ = 2π/ratio/k, k = 1, 2, 4, 6"
     source = "[Tuttle & Seering 1996]"
     units = (("Ms", "N·m", "N"), ("Mc", "N·m", "N"))
 

@@ -158,10 +158,11 @@ ByJoint: TypeAlias = T | dict[str, T] | None
 
 
 class ColumnEntry(Strict):
-    """Positions and commands of a joint in the logs, in ticks, degrees or normalised units."""
+    """Positions, speeds and commands of a joint in logs, in ticks, degrees or normalised units."""
 
     scale: Factor = key(
-        "Size of one unit [rad or m]; 1 / gear ratio where the heading of the column has a unit.",
+        "Size of one unit [rad or m]. Where the heading has a unit: 1 / gear ratio, or -1 if the "
+        "log counts the other way.",
         1.0,
     )
     offset: Value = key("Position where the log holds zero [rad or m].", 0.0)

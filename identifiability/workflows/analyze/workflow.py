@@ -159,8 +159,10 @@ def say_delays(robot: Robot, missing: MissingEffects) -> Iterator[Finding]:
         joints = robot.motor_joints if group.place == EVERYWHERE else (group.place,)
         sd = np.linalg.norm(effect.root, axis=0)
         values = zip(joints, 1e3 * effect.value, 1e3 * sd, strict=False)
-        each = [f"{joint} {late:+.3g} ± {error:.2g}" for joint, late, error in values]
-        yield Finding("late_commands", each=each, stated=robot.servo.delay is not None)
+        sure = [x for x in values if abs(x[1]) > REACH * x[2]]
+        each = [f"{joint} {late:+.3g} ± {error:.2g}" for joint, late, error in sure]
+        if each:
+            yield Finding("late_commands", each=each, stated=robot.servo.delay is not None)
 
 
 def predict_everywhere(

@@ -103,7 +103,8 @@ def _list_far(robot: Robot, rows: Rows, values: NumberByName) -> Iterator[tuple[
     for place, kind in pairs:
         name = f"{place}.{kind}"
         stated = robot.nominal.get(name, 0.0)
-        if name not in values or _label(robot, place, kind) in sure or not stated > 0:
+        known = name in robot.prior or _label(robot, place, kind) in sure
+        if name not in values or known or not stated > 0:
             continue
         value = values[name]
         if not stated / RULES.another_robot <= value <= RULES.another_robot * stated:
