@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import Noise, Robot, diagnose
 from identifiability.estimation.prediction import predict
@@ -136,3 +137,14 @@ def test_a_spring_far_from_its_rest_is_told_from_an_offset_by_its_slope():
             slope = placed.values[0], -0.3 / np.ptp(q)
             assert slope[0] == pytest.approx(slope[1], abs=4 * placed.errors[0])
     assert springs >= 2
+
+
+def test_motors_of_one_pitch_are_found_whatever_their_ranges(logs_of):
+    pitch = 0.4
+    logs = logs_of("two-link")
+    sizes = 0.1 * np.std(logs[0].tau, axis=0)
+    rippled = [replace(x, tau=x.tau + sizes * np.sin(2 * np.pi * x.q / pitch)) for x in logs]
+    few = ("position_ripple", "clock_error")
+    d = diagnose("two-link", rippled[:4], rippled[4:], effects=few, forward=False, quick=True)
+    (ripple,) = d.effects
+    assert_allclose([p.shape for p in ripple.placements], 2 * [pitch], rtol=0.01)
