@@ -161,6 +161,7 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
     quantity = name_forces if pushes(result) else str
     answers = [a for a in result.answers() if not a.commands]
     every = VERBOSE.get()
+    page = any(p.suffix == ".html" for p in written)
     said = [f"{a.question} {a.whole if every else a.short}" for a in answers]
     warnings = [quantity(f"Warning: {text}") for text in result.warnings]
     shorts = [a.short for a in answers]
@@ -178,9 +179,10 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
         shown = max(12, (table.marked or 0) + 4)
         print_table(table, shown, title, quantity)
         if (left := len(table.rows) - shown) > 0:
-            where = "the page" if any(p.suffix == ".html" for p in written) else "--report"
+            where = "the page" if page else "--report"
             print_end([f"{format_count(left, 'row')} below them: {where} shows them all."])
-    brief = [f"{format_count(len(hints), 'hint')}: see -v."] if hints else []
+    where = "the page" if page else "-v"  # which would repeat a long run
+    brief = [f"{format_count(len(hints), 'hint')}: see {where}."] if hints else []
     print_end(hints if every else brief)
     print_next(result)
     print_end([], written)
