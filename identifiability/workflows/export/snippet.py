@@ -146,11 +146,9 @@ def _tabulate(robot: Robot, axis: Axis, parts: Parts, friction: float) -> Json:
     home = robot.actuated_positions(robot.home[None])[0, k]
     fastest = min(robot.speed_limits[k], 10.0 * usual["v"][k])
     limits = robot.limits[k]
-    low, high = np.where(np.isfinite(limits), limits, usual["q"][k])
+    ends = np.where(np.isfinite(limits), limits, usual["q"][k])
     v = np.geomspace(1e-4 * fastest, fastest, POINTS)
-    ripples = (x for x, _ in parts.values() if isinstance(x, PositionRipple))
-    periods = [(high - low) / x.shape(robot, axis) for x in ripples]
-    q = np.linspace(low, high, POINTS * int(max([4.0, *periods]) / 4))
+    q = _positions(robot, axis, parts, ends)
     at = partial(_halves, robot, axis, parts.values(), home)
     level, torque = at(np.full(POINTS, home), v)
     levels, torques = at(q, np.full_like(q, v[0]))
@@ -161,6 +159,14 @@ def _tabulate(robot: Robot, axis: Axis, parts: Parts, friction: float) -> Json:
         "torque over speed": _rounded(np.append(-v[::-1], v), both_ways),
         "torque over position": _rounded(q, torques - torque[0]),
     }
+
+
+def _positions(robot: Robot, axis: Axis, parts: Parts, ends: Array) -> Array:
+    """Return the positions of a table between two ends, (points,): more where a ripple is fine."""
+    ripples = [x for x, _ in parts.values() if isinstance(x, PositionRipple)]
+    shortest = min((x.shape(robot, axis) for x in ripples), default=np.inf)
+    fours = int(np.ptp(ends) / shortest / 4)
+    return np.linspace(ends[0], ends[1], POINTS * max(fours, 1))
 
 
 def _halves(robot: Robot, axis: Axis, parts: Any, home: float, q: Array, v: Array) -> list[Array]:
