@@ -317,11 +317,11 @@ class AnalysisPresenter(LadderedPresenter):
         part = "unjudged" if chosen.unjudged else "none" if what else "found"
         tone = "blue" if is_nearly_real(chosen) else "amber"
         near = "" if is_nearly_real(chosen) else state_nearest(chosen)
-        most, known = _state_known(result.robot, chosen)
-        text = join_sentences(known, near)
+        few = _state_few(chosen)
+        most, known = ("", few) if few else _state_known(result.robot, chosen)
         holes: dict[str, Any] = {"found": found_cell(chosen).text, "count": len(chosen.submodel)}
         holes |= {"most": most, "quantity": what}
-        return answer(about, part, text, tone, **holes)
+        return replace(answer(about, part, known, tone, **holes), more=near)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
@@ -394,6 +394,15 @@ def _name_kind(robot: Robot, v: Verdict) -> str:
     kind = v.name.rpartition(".")[2]
     usual = "bodies" if kind in INERTIAL_KINDS else "other"
     return kinds["passive"] if v.place in robot.passive else kinds.get(kind, kinds[usual])
+
+
+def _state_few(chosen: ModelResult) -> str:
+    """Return the identifiable parameters with their values, if these are one, two or three."""
+    known = [v for v in chosen.verdicts if v.verdict is Class.IDENTIFIABLE]
+    if chosen.unjudged or not 0 < len(known) < 4:
+        return ""
+    each = [f"{v.name} = {measured(v.value, v.sigma_label, v.unit)}" for v in known]
+    return sentence("analysis.use", "few", each=each)
 
 
 def _state_known(robot: Robot, chosen: ModelResult) -> tuple[str, str]:
