@@ -345,7 +345,7 @@ def _section_where(d: Diagnosis) -> Section:
 
 def _possible_row(x: Odds) -> dict[str, Any]:
     """Return the odds of an effect without a name as one row of a table, and why it has none."""
-    part = "harmful" if np.isnan(x.needed) else "weak"
+    part = "harmful" if np.isnan(x.needed) else "weak" if x.unseen < x.needed else "alike"
     return {**_odds_row(x), "why": sentence("diagnosis.possible", part, **vars(x))}
 
 
