@@ -563,8 +563,7 @@ def torque_traces(
 ) -> Traces:
     """Return measured torque, predicted torque and the residual (N, n) along a log, to zoom.
 
-    The joint with the second largest relative residual is shown first, as the largest one is on the
-    first screen. With half widths of 95 % intervals
+    The joint with the largest relative residual is shown first. With half widths of 95 % intervals
     (N, n) the prediction has a band.
     """
     lines = torque_lines(measured, predicted)
@@ -572,10 +571,10 @@ def torque_traces(
         known = np.where(np.isfinite(half), half, np.nan)
         lines |= {"95 % from": predicted - known, "95 % to": predicted + known}
     caption = sentence("analysis.traces", log=log)
-    missed, whole = (np.ma.masked_invalid(y).std(0) for y in (lines["residual"], measured))
-    relative = (missed / whole).filled(0.0)
-    order = relative.argsort().tolist()
-    drawn = traces(t, joints, units, lines, caption=caption, shown=order[-2:][0])
+    missed = (np.ma.masked_invalid(lines["residual"]) ** 2).mean(0)
+    relative = missed / np.ma.masked_invalid(measured).var(0)
+    worst = int(relative.filled(0.0).argmax())
+    drawn = traces(t, joints, units, lines, caption=caption, shown=worst)
     return replace(drawn, gaps=sentence("moving", "gaps"))
 
 
