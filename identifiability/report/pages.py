@@ -10,6 +10,7 @@ verb.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -216,7 +217,7 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
 
 def diagnosis_below(d: Diagnosis) -> Picture | None:
     """Return the learned curve of the first effect."""
-    return _curves(d, 1)[0] if d.curves else None
+    return next(_curves(d), None)
 
 
 def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
@@ -249,7 +250,7 @@ def section_effects(d: Diagnosis) -> Section | None:
 
     The first curve is on the first screen.
     """
-    others = _curves(d, SHOWN)[1:]
+    others = [*_curves(d)][1:]
     curves = gallery("curves", others) if others else None
     refuted = None
     if d.refuted:
@@ -263,10 +264,16 @@ def section_effects(d: Diagnosis) -> Section | None:
     return section("diagnosis.effects", *blocks, use=use) if any(blocks) else None
 
 
-def _curves(d: Diagnosis, most: int) -> list[Picture]:
-    """Return the learned curves of some effects, against the data."""
-    pictures = []
-    for c in d.curves[:most]:
+def _curves(d: Diagnosis) -> Iterator[Picture]:
+    """Yield the learned curves of some effects, against the data.
+
+    The first effect comes first, then the largest torque. Curves that explain less than half of the
+    variation of their points are left out.
+    """
+    seen = [c for c in d.curves if np.var(c.data - c.learned) <= 0.5 * np.var(c.data)]
+    shown = seen or [*d.curves[:1]]
+    others = sorted(shown[1:], key=lambda c: -np.abs(c.learned).max())
+    for c in [*shown[:1], *others][:SHOWN]:
         title = f"{capital(shorten_title(c.title))}, {d.robot.joints[c.joint]}"
         figure = draw_curve(
             c.x,
@@ -276,8 +283,7 @@ def _curves(d: Diagnosis, most: int) -> list[Picture]:
             title,
             _labels(d, c),
         )
-        pictures.append(picture("curve", figure, title=title))
-    return pictures
+        yield picture("curve", figure, title=title)
 
 
 def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
