@@ -799,7 +799,7 @@ def draw_precision(
             label="10 × least (white)",
             **DASHED,
         )
-    legend_above(axes)
+    legend_above(axes, loc="lower right", bbox_to_anchor=(1, 1))
     return figure
 
 
