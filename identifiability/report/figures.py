@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from functools import wraps
 from itertools import pairwise
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, Literal, ParamSpec
 from urllib.parse import unquote
 
@@ -314,13 +315,18 @@ def label_axes(axes: Axes, x: str, y: str, title: str = "") -> None:
     axes.set_ylabel(y)
     if title:
         axes.set_title(
-            for_svg(title, 44),
+            "\n".join(break_title(title)),
             loc="left",
             x=-0.15,  # above the label of the axis, so that a long one has room
             pad=26,
             color=INK,
             fontweight="bold",
         )
+def break_title(title: str) -> list[str]:
+    """Return the lines of a title, at most two."""
+    return [for_svg(line, 46) for line in wrap(title, 46, max_lines=2, placeholder="…")]
+
+
 
 
 def legend_above(axes: Axes, **style: Any) -> None:
@@ -423,7 +429,7 @@ def draw_torque(
     most : int
         Points a line keeps.
     """
-    figure, (above, below) = canvas(WIDTH, 330, (60, 10, 50, 38), (2.2, 1))
+    figure, (above, below) = canvas(WIDTH, 334, (60, 10, 54, 38), (2.2, 1))
     plot_line(
         above,
         t,
@@ -488,8 +494,10 @@ def draw_curve(
     labels : (str, str)
         Of the axes.
     """
-    figure, (axes,) = canvas(WIDTH, 176, (60, 10, 42, 36))
-    along = np.nan_to_num(learned[np.argsort(x)], posinf=0.0, neginf=0.0)
+    more = 15 * len(break_title(title)[1:])
+    figure, (axes,) = canvas(WIDTH, 176 + more, (60, 10, 42 + more, 36))
+    data, learned = seen = np.nan_to_num([data, learned], posinf=0.0, neginf=0.0)
+    along = learned[np.argsort(x)]
     branches = _is_rough(along)
     # Of a delay speed alone says nothing. Friction by position has one branch a direction.
     if branches and _is_rough(np.abs(along)):
