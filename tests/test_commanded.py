@@ -549,7 +549,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     assert found.answers()[1].tone == "green"  # no log was fitted
     found.to_json(tmp_path / "rollout.json")
     for one in (found, move(arm, frames[1])):
-        assert "times as large" in one.write_report(tmp_path / "rollout.html").read_text()
+        assert "differences ×" in one.write_report(tmp_path / "rollout.html").read_text()
 
 
 def test_a_delay_by_torque_errs_as_its_standard_error_says(arm):

@@ -175,6 +175,8 @@ class Moving:
         Torque that the model misses in each joint, relative to the largest missed.
     mark : str
         Tone of the dots of these sizes.
+    note : str
+        Text in the drawing.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -190,6 +192,7 @@ class Moving:
     torque: Trace | None = None
     misses: Array | None = None
     mark: str = "vermilion"
+    note: str = ""
 
     @property
     def data(self) -> str:

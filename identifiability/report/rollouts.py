@@ -74,7 +74,7 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
     off |= {name: 1e3 * x[:, worst] for name, x in zip(names, differences, strict=True)}
     joint = for_svg(log.joints[worst])
     below = Trace.of(joint, result.unit, t - t[0], off, POINTS, "position error")
-    return replace(moving, torque=below, t=moving.t + t[0])
+    return replace(moving, torque=below, t=moving.t + t[0], note=larger[2:])
 
 
 def _magnify(result: PositionPrediction) -> float:

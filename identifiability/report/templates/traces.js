@@ -38,10 +38,10 @@ function drawTraces(figure) {
       width: box.clientWidth - 20, height: Math.max(200, Math.min(420, box.clientWidth * 0.36)),
       scales: { x: { time: false } },
       cursor: { drag: { x: true, y: false } },
-      legend: { live: true },
+      legend: { live: true, markers: { dash: (u, k) => (u.series[k].dash.length ? "dashed" : "solid") } },
       axes: narrow ? [{ ...axis, size: 32 }, { ...axis, size: 54 }] : [{ ...axis, label: data.x }, { ...axis, label: data.axis, size: 64 }],
       series: [{ label: data.x, value: digits }, ...data.names.map((name, k) => ({
-        label: limit(name) && both ? shared : name, class: both && limit(name) ? (k + 1 === edges[1] ? "upper" : "band") : undefined, stroke: limit(name) ? colour("--blue") : faint(k) ? `color-mix(in srgb, ${paint(name, k)} 50%, transparent)` : paint(name, k), width: name.startsWith("95 %") ? 0.4 : faint(k) ? 5 : k ? 1.4 : 2.6,
+        label: limit(name) && both ? shared : name, class: both && limit(name) ? (k + 1 === edges[1] ? "upper" : "band") : undefined, stroke: limit(name) ? colour("--blue") : faint(k) ? `color-mix(in srgb, ${paint(name, k)} 50%, transparent)` : paint(name, k), width: name.startsWith("95 %") ? 0.4 : faint(k) ? 7 : k ? 1.4 : 2.6,
         value: limit(name) && both ? ends : digits, dash: name.endsWith(" allowed") || name === "command" ? [6, 4] : [],
         points: { show: false },
       }))],
