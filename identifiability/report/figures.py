@@ -407,7 +407,7 @@ def mark_of(kind: str) -> Mark:
 POINTS = 500
 
 #: Colour and name of the model as it was, and of the one with the named effects.
-STATES = ((VERMILION, "before"), (BLUE, "after"))
+STATES = ((MUTED, "before"), (BLUE, "after"))
 
 
 @drawn

@@ -22,8 +22,8 @@ function drawTraces(figure) {
     const paint = (name, k) => (named[name] ? colour(named[name]) : strokes[k]);
     const ticked = (u, ticks) => ticks.map((x) => Number(x.toPrecision(7)).toString().replace("-", "\u2212"));
     const axis = { values: ticked, stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
-    // What was measured lies wide and pale below what follows it.
-    const faint = (k) => k === 0 && data.names[0] === "measured" && data.names.length > 1;
+    // What was measured, or was before, lies wide and pale below what follows it.
+    const faint = (k) => k === 0 && ["measured", "before"].includes(data.names[0]) && data.names.length > 1;
     const limit = (name) => name.endsWith(" allowed") || name.startsWith("95 %");
     const edges = data.names.flatMap((name, k) => (limit(name) ? [k + 1] : []));
     const digits = (u, x) => (x == null ? "" : Number(x.toPrecision(4)).toString());
