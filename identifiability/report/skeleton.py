@@ -347,7 +347,7 @@ def move_with_torque(
     moving = replace(moving, torque=trace, t=moving.t + t[0])
     if load is not None:  # as large in all frames
         marks = np.arange(moving.joints) == moving.joints - 1
-        sizes = np.tile(0.3 * marks, (len(moving.t), 1))
+        sizes = np.tile(0.5 * marks, (len(moving.t), 1))
         return replace(moving, misses=sizes, mark="blue")
     if residual is None:
         return moving

@@ -26,7 +26,7 @@ function drawMoving(figure) {
       group.querySelector(".bodies").innerHTML = solid(p);
       group.querySelectorAll("g.joint").forEach((dot, a) => {
         dot.setAttribute("transform", `translate(${p[3 * a]} ${p[3 * a + 1]})`);
-        dot.querySelector(".missed").setAttribute("r", 18 * Math.sqrt(data.misses[k][a]));
+        dot.querySelector(".missed").setAttribute("r", 14 * Math.sqrt(Math.min(data.misses[k][a], 1)));
       });
     });
     const share = (data.t[k] - data.t[0]) / (data.t.at(-1) - data.t[0]);
