@@ -522,7 +522,8 @@ def draw_curve(
     margin = 0.1 * np.ptp(seen)
     if margin > 0:  # a wide interval does not hide the data
         axes.set_ylim(seen.min() - margin, seen.max() + margin)
-    axes.locator_params("x", steps=[1, 2, 5, 10])  # numbers such as −0.75 touch
+    axes.locator_params(steps=[1, 2, 5, 10])  # numbers such as −0.75 touch
+    axes.locator_params("y", nbins=5)
     # Three entries are as wide as the picture.
     legend_above(axes, ncols=3, columnspacing=0.7, handletextpad=0.3, handlelength=1.0)
     label_axes(axes, *labels, title)
