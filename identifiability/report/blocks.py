@@ -203,9 +203,9 @@ class Moving:
         ]
         misses = [] if self.misses is None else self.misses.round(2).tolist()
         shapes = [(x.points, x.kind, round(x.width, 1), round(x.ahead, 1)) for x in self.shapes]
-        told = {"t": np.round(self.t, 3).tolist(), "shapes": shapes, "told": self.told}
-        told |= {"robots": robots, "misses": misses, "tips": self.tips}
-        return json.dumps(told, separators=(",", ":"))
+        times = np.round(self.t, 3).tolist()
+        told = {"t": times, "shapes": shapes, "told": self.told, "robots": robots}
+        return json.dumps({**told, "misses": misses, "tips": self.tips}, separators=(",", ":"))
 
     @property
     def floor(self) -> str:
@@ -246,14 +246,14 @@ class Moving:
         small = [name for name, size in sizes.items() if name == "residual" or 0 < size < least]
         if len(small) in (0, len(lines)):
             return (self,)
-        parts = []
-        for below in (False, True):
-            shown = {
+        parts = (
+            {
                 name: tuple(np.where((name in small) is below, y, np.nan))
                 for name, y in lines.items()
             }
-            parts.append(replace(self, torque=replace(self.torque, lines=shown)))
-        return tuple(parts)
+            for below in (False, True)
+        )
+        return tuple(replace(self, torque=replace(self.torque, lines=part)) for part in parts)
 
     @property
     def range(self) -> tuple[float, float]:
@@ -370,8 +370,8 @@ class Trace:
         """The lines as JSON with five digits."""
         rows = (self.t, *self.lines.values())
         short = [[None if math.isnan(x) else float(f"{x:.5g}") for x in row] for row in rows]
-        axes = {"x": "time [s]", "axis": f"{self.shown} [{self.unit}]"}
-        return json.dumps({**axes, "names": [*self.lines], "rows": short})
+        axis = f"{self.shown} [{self.unit}]"
+        return json.dumps({"x": "time [s]", "axis": axis, "names": [*self.lines], "rows": short})
 
 
 @frozen

@@ -122,13 +122,12 @@ def canvas(
     figure.subplots_adjust(
         left / width, bottom / height, 1 - right / width, 1 - top / height, hspace=0.14
     )
-    grid = {"height_ratios": ratios}
     axes = figure.subplots(
         len(ratios),
         1,
         sharex=True,
         squeeze=False,
-        gridspec_kw=grid,
+        height_ratios=ratios,
     )
     return figure, list(axes[:, 0])
 
@@ -170,10 +169,9 @@ def peak_rows(lines: Sequence[Array], most: int) -> np.ndarray:
         a
         + int(
             np.argmax(
-                np.where(
-                    np.isnan(y[a:b]),
-                    -np.inf,
+                np.nan_to_num(
                     sign * y[a:b],
+                    nan=-np.inf,
                 )
             )
         )
@@ -277,7 +275,6 @@ def row_canvas(
     figure, (axes,) = canvas(WIDTH, height, (left, 14, top, bottom))
     axes.set_ylim(count - 0.5, -0.5)
     axes.set_yticks([])
-    style = {"color": INK, "fontsize": STYLE["ytick.labelsize"], "ha": "right"}
     beside = axes.get_yaxis_transform() + ScaledTranslation(-6 / 72, 0, figure.dpi_scale_trans)
     for k, name in enumerate(names):  # as ticks they would take most of the time of a page
         label = axes.text(
@@ -286,7 +283,9 @@ def row_canvas(
             for_svg(name),
             transform=beside,
             va="center_baseline",
-            **style,
+            color=INK,
+            fontsize=STYLE["ytick.labelsize"],
+            ha="right",
         )
         label.set_gid(MARKED + svg_id(name))
     axes.spines["left"].set_visible(False)
@@ -296,9 +295,8 @@ def row_canvas(
 
 def row_lines(axes: Axes, count: int) -> None:
     """Draw a faint line along each row, for the eye to follow."""
-    low, high = axes.get_xlim()
     at = np.arange(count, dtype=float)
-    first, last = (np.stack([np.full(count, x), at], 1) for x in (low, high))
+    first, last = (np.stack([np.full(count, x), at], 1) for x in axes.get_xlim())
     strokes(
         axes,
         first,
@@ -322,11 +320,11 @@ def label_axes(axes: Axes, x: str, y: str, title: str = "") -> None:
             color=INK,
             fontweight="bold",
         )
+
+
 def break_title(title: str) -> list[str]:
     """Return the lines of a title, at most two."""
     return [for_svg(line, 46) for line in wrap(title, 46, max_lines=2, placeholder="…")]
-
-
 
 
 def legend_above(axes: Axes, **style: Any) -> None:
@@ -518,7 +516,6 @@ def draw_curve(
         label = "95 %" if 2 * REACH * np.mean(spread) > 0.02 * np.ptp(data) else None
         axes.fill_between(x[order], low, high, color=BLUE, alpha=0.2, linewidth=0, label=label)
         axes.plot(x[order], learned[order], color=BLUE, linewidth=1.2, label="fitted")
-    seen = np.nan_to_num([data, learned], posinf=0.0, neginf=0.0)
     margin = 0.1 * np.ptp(seen)
     if margin > 0:  # a wide interval does not hide the data
         axes.set_ylim(seen.min() - margin, seen.max() + margin)
@@ -681,11 +678,24 @@ def draw_ladder(
         100 * np.where(np.isfinite(x), x, np.nan) for x in (other, unseen, spread)
     )
     half = np.nan_to_num(spread)
-    low, high = unseen - half, unseen + half
-    band = axes.fill_between(sizes, low, high, color=BLUE, alpha=0.16, linewidth=0)
+    band = axes.fill_between(
+        sizes,
+        unseen - half,
+        unseen + half,
+        color=BLUE,
+        alpha=0.16,
+        linewidth=0,
+    )
     (line,) = axes.plot(sizes, unseen, "o-", color=BLUE, markersize=5)
-    style: Any = {"color": MUTED, "fillstyle": "none", "markersize": 4, "linewidth": 1}
-    (seen,) = axes.plot(sizes, other, "o-", **style)
+    (seen,) = axes.plot(
+        sizes,
+        other,
+        "o-",
+        color=MUTED,
+        fillstyle="none",
+        markersize=4,
+        linewidth=1,
+    )
     if likely:
         axes.axvspan(likely[0] - 0.5, likely[1] + 0.5, color=GREEN, alpha=0.12, linewidth=0)
     chosen = float(sizes[selected])
@@ -706,8 +716,14 @@ def draw_ladder(
     drawn = {"cross-validation": (band, line), name: seen}
     if np.isfinite(exported):
         (drawn["exported"],) = axes.plot(chosen, 100 * exported, "D", color=VERMILION)
-    style = {"ncols": 3, "columnspacing": 0.8, "handletextpad": 0.5}
-    legend_above(axes, handles=drawn.values(), labels=drawn, **style)
+    legend_above(
+        axes,
+        handles=drawn.values(),
+        labels=drawn,
+        ncols=3,
+        columnspacing=0.8,
+        handletextpad=0.5,
+    )
     size = f"smaller model → [parameters, of {sizes.max():.0f}]"
     label_axes(axes, size, "error [%]")
     return figure
@@ -738,8 +754,10 @@ def draw_precision(
         Of the verdicts (for `label`) and of the 10× rule (for `white`).
     """
     order = np.argsort(np.nan_to_num(label, nan=np.inf), kind="stable")
-    title = "standard deviation relative to the value [%]"
-    figure, axes = row_canvas([names[k] for k in order], xlabel=title)
+    figure, axes = row_canvas(
+        [names[k] for k in order],
+        xlabel="standard deviation relative to the value [%]",
+    )
     known = np.concatenate([white, label, [limit, paper_limit]])
     known = known[np.isfinite(known) & (known > 0)]
     low = max(min(float(known.min(initial=limit)) / 1.8, 0.8), 1e-6)
@@ -767,12 +785,10 @@ def draw_precision(
         start, end = (
             np.clip(np.nan_to_num(x[order[rows]], nan=np.inf), low, high) for x in (white, label)
         )
-        starts = np.stack([start, rows], 1)
-        ends = np.stack([end, rows], 1)
         strokes(
             axes,
-            starts,
-            ends,
+            np.stack([start, rows], 1),
+            np.stack([end, rows], 1),
             colour,
             linewidth=1.2,
         )
@@ -784,16 +800,17 @@ def draw_precision(
             markersize=8,
             markeredgewidth=1.2,
         )
-        shape = {"fillstyle": mark.fill, "markerfacecoloralt": SURFACE}
         for own, marker in ((end < high, mark.marker), (end >= high, ">")):
-            style: Any = {"marker": marker, "clip_on": False, **shape}
             axes.plot(
                 end[own],
                 rows[own],
                 linestyle="none",
                 color=colour,
                 markersize=7,
-                **style,
+                marker=marker,
+                clip_on=False,
+                fillstyle=mark.fill,
+                markerfacecoloralt=SURFACE,
             )
     axes.axvline(
         limit,

@@ -101,11 +101,11 @@ def calibration_below(calibration: Calibration) -> Picture:
 
 def calibration_sections(calibration: Calibration) -> list[Section]:
     """Return the sections of the page."""
-    how = {"trials": len(calibration.cell.held), "seed": calibration.provenance["seed"]}
-    texts = tuple(words("calibration.how", **how).values())
+    trials = len(calibration.cell.held)
+    texts = words("calibration.how", trials=trials, seed=calibration.provenance["seed"])
     return [
         section("calibration.parameters", *calibration.tables()),
-        section("calibration.method", Prose(texts)),
+        section("calibration.method", Prose(tuple(texts.values()))),
     ]
 
 
@@ -134,14 +134,14 @@ def comparison_moving(result: Comparison) -> Moving | None:
     if result.changes:
         lines["explained"] = torque.explained
     log, _ = shorten_paths((result.after[torque.log], result.before[0]))
-    # Noise alone marks no joint.
-    shown, how = (torque.explained, "changed") if result.changes else (None, "same")
-    # The joint that the headline names.
-    joint = result.changes[0].felt.joint if result.changes else ""
     load = _place_load(result)
-    how = "hangs" if load else how
-    about = result.robot, result.motion, torque.t, torque.whole, lines, log, shown, how
-    return move_with_torque(*about, load=load, joint=joint)
+    about = result.robot, result.motion, torque.t, torque.whole, lines, log
+    if not result.changes:  # noise alone marks no joint
+        return move_with_torque(*about, how="same")
+    how = "hangs" if load else "changed"
+    # The joint that the headline names.
+    joint = result.changes[0].felt.joint
+    return move_with_torque(*about, torque.explained, how, load, joint)
 
 
 def _place_load(result: Comparison) -> Point | None:
@@ -180,10 +180,9 @@ def _sessions(result: Comparison) -> Picture | None:
         return None
     logs = _name_logs(result)[len(result.before) :]
     names = [f"{change.what}, {log}" for change in changes for log in logs]
-    relative = np.array([point.relative for change in changes for point in change.course])
-    values = 100 * relative[:, 0]
-    halves = 100 * REACH * relative[:, 1]
-    return picture("sessions", draw_intervals(names, values, halves, "change [%]"))
+    relative = 100 * np.array([point.relative for change in changes for point in change.course])
+    values, sigma = relative.T
+    return picture("sessions", draw_intervals(names, values, REACH * sigma, "change [%]"))
 
 
 # Diagnosis: the answer, the gap before and after, the evidence, the residual.
@@ -204,15 +203,13 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
     torque = np.where(gap.data, gap.tau, np.nan)[own]
     residual = np.where(gap.data[:, :, None], gap.residual, np.nan)[own]
     before = residual[..., 0]
-    lines = {"before": before, "after": residual[..., -1]}
+    about = d.robot, sample.motion, gap.t[0], torque
     if not d.included:
         lines = torque_lines(torque, torque - before)
-    t = gap.t[0]
-    about = d.robot, sample.motion, t, torque, lines, sample.name, before
-    if not d.included:
-        return move_with_torque(*about)
+        return move_with_torque(*about, lines, sample.name, before)
+    lines = {"before": before, "after": residual[..., -1]}
     joint = d.robot.joints[d.curves[0].joint] if d.curves else ""
-    return move_with_torque(*about, "explained", joint=joint)
+    return move_with_torque(*about, lines, sample.name, before, "explained", joint=joint)
 
 
 def diagnosis_below(d: Diagnosis) -> Picture | None:
@@ -271,9 +268,8 @@ def _curves(d: Diagnosis) -> Iterator[Picture]:
     variation of their points are left out.
     """
     seen = [c for c in d.curves if np.var(c.data - c.learned) <= 0.5 * np.var(c.data)]
-    shown = seen or [*d.curves[:1]]
-    others = sorted(shown[1:], key=lambda c: -np.abs(c.learned).max())
-    for c in [*shown[:1], *others][:SHOWN]:
+    others = sorted(seen[1:], key=lambda c: -np.abs(c.learned).max())
+    for c in (*(seen or d.curves)[:1], *others[: SHOWN - 1]):
         title = f"{capital(shorten_title(c.title))}, {d.robot.joints[c.joint]}"
         figure = draw_curve(
             c.x,
@@ -292,9 +288,8 @@ def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
     position = d.robot.position_units[c.of]
     units = {"velocity": f"{position}/s", "position": position, "load": d.robot.torque_units[c.of]}
     over = "time of the session" if c.against == "session" else c.against
-    labels = f"{over}{other} [{units.get(c.against, 's')}]"
     unit = d.robot.torque_units[c.joint]
-    return labels, f"{name_torque(unit)} [{unit}]"
+    return f"{over}{other} [{units.get(c.against, 's')}]", f"{name_torque(unit)} [{unit}]"
 
 
 def _section_gap(d: Diagnosis) -> Section:
@@ -303,11 +298,14 @@ def _section_gap(d: Diagnosis) -> Section:
     residual = d.gap.residual[part]
     lines = {"before": residual[..., 0], "after": residual[..., -1]}
     caption = sentence("diagnosis.traces", seconds=f"{STRETCH:g}")
-    along = (t[: len(part)], d.robot.joints, d.robot.torque_units, lines)
     joint = d.curves[0].joint if d.curves else 0
-    shown = traces(*along, "residual", caption, joint)
-    zoom = Fold("The residual of every joint over time, to zoom", (shown,))
-    return section("diagnosis.gap", d.tables()[-1], zoom)
+    names = d.robot.joints, d.robot.torque_units
+    shown = traces(t[: len(part)], *names, lines, "residual", caption, joint)
+    return section(
+        "diagnosis.gap",
+        d.tables()[-1],
+        Fold("The residual of every joint over time, to zoom", (shown,)),
+    )
 
 
 def section_forward(gap: ForwardGap, joints: Strings) -> Section:
@@ -318,9 +316,12 @@ def section_forward(gap: ForwardGap, joints: Strings) -> Section:
     figure = draw_forward(gap.t, gap.before.mean(2), gap.after.mean(2))
     before = gap.before[:, -1].mean(0)
     after = gap.after[:, -1].mean(0)
-    table = make_table("forward", zip(joints, before, after, strict=True))
-    shown = picture("forward", figure, stretches=len(gap.before))
-    return section("diagnosis.motion", shown, table, horizon=horizon)
+    return section(
+        "diagnosis.motion",
+        picture("forward", figure, stretches=len(gap.before)),
+        make_table("forward", zip(joints, before, after, strict=True)),
+        horizon=horizon,
+    )
 
 
 def _section_bending(found: Bending) -> Section:
@@ -371,13 +372,11 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
         Term(" in ".join(filter(None, (title, join(list(filter(None, places)), NAMED)))), reason)
         for (title, reason), places in why.items()
     )
-    told = Prose((sentence("diagnosis.roles", verified=d.verified_on),))
-    evidence = section("diagnosis.evidence", table)
     reasons = Terms(refused) if refused else "Every family was asked."
     return (
-        evidence,
+        section("diagnosis.evidence", table),
         section("diagnosis.refusals", reasons),
-        section("diagnosis.method", told),
+        section("diagnosis.method", sentence("diagnosis.roles", verified=d.verified_on)),
     )
 
 
@@ -397,8 +396,7 @@ def excitation_moving(result: Excitation) -> Moving | None:
     """Return the robot along the motion."""
     t, *motion = result.motion
     poses = complete_motion(result.robot, t, *motion).q
-    seconds = t[-1] - t[0]
-    caption = sentence("excitation.moving", seconds=seconds)
+    caption = sentence("excitation.moving", seconds=t[-1] - t[0])
     return move_skeletons(result.robot, t, {"motion": ("blue", poses)}, lambda rows: [], caption)
 
 
@@ -409,16 +407,14 @@ def excitation_notes(result: Excitation) -> list[Note]:
 
 def excitation_sections(result: Excitation) -> list[Section]:
     """Return the sections of the page: the motion, its information, and the method."""
-    path = result.trajectory
     logs = ", ".join(shorten_paths(result.logs))
-    effects = ", ".join(result.effects)
     measured = sentence("excitation.measured", logs=logs) if logs else ""
     text = words(
         "excitation.how",
-        harmonics=path.harmonics,
+        harmonics=result.trajectory.harmonics,
         motions=result.evaluations,
         seed=result.seed,
-        effects=effects,
+        effects=", ".join(result.effects),
         measured=measured,
     )
     return [
@@ -635,11 +631,9 @@ def _name_model(name: str) -> str:
 def prediction_moving(result: TorquePrediction) -> Moving | None:
     """Return the robot along the first log, with its torque."""
     rows = result.log == 0
-    robot = result.robot
-    t = result.t[rows]
     measured = result.tau[rows]
     predicted = result.predicted[rows]
-    along = (robot, result.motion, t)
+    along = (result.robot, result.motion, result.t[rows])
     name = shorten_paths(result.logs)[0]
     if not result.measured[0]:
         return move_with_torque(*along, predicted, {"predicted": predicted}, name)

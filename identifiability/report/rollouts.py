@@ -93,15 +93,15 @@ def _magnify(result: PositionPrediction) -> float:
 def section_positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
     log = result.logs[0]
-    robot = result.robot
-    simulated = [run.q[0] for run in result.runs]
-    lines = {"measured": log.q, **dict(zip(name_runs(result), simulated, strict=True))}
+    lines = {"measured": log.q}
+    for name, run in zip(name_runs(result), result.runs, strict=True):
+        lines[name] = run.q[0]
     if log.q_ref is not None:
         lines["command"] = log.q_ref
     shown = traces(
         log.t - log.t[0],
         log.joints,
-        robot.position_units,
+        result.robot.position_units,
         lines,
         "position",
         shown=find_worst(result),
