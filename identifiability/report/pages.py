@@ -268,8 +268,10 @@ def _curves(d: Diagnosis) -> Iterator[Picture]:
     variation of their points are left out.
     """
     seen = [c for c in d.curves if np.var(c.data - c.learned) <= 0.5 * np.var(c.data)]
+    first = seen[:1] or d.curves[:1]
     others = sorted(seen[1:], key=lambda c: -np.abs(c.learned).max())
-    for c in (*(seen or d.curves)[:1], *others[: SHOWN - 1]):
+    curves = [*first, *others]
+    for c in curves[:SHOWN]:
         title = f"{capital(shorten_title(c.title))}, {d.robot.joints[c.joint]}"
         figure = draw_curve(
             c.x,
