@@ -269,7 +269,7 @@ def _curves(d: Diagnosis) -> Iterator[Picture]:
     """
     seen = [c for c in d.curves if np.var(c.data - c.learned) <= 0.5 * np.var(c.data)]
     first = seen[:1] or d.curves[:1]
-    others = sorted(seen[1:], key=lambda c: -np.abs(c.learned).max())
+    others = sorted(seen[1:], key=_largest_torque, reverse=True)
     curves = [*first, *others]
     for c in curves[:SHOWN]:
         title = f"{capital(shorten_title(c.title))}, {d.robot.joints[c.joint]}"
@@ -282,6 +282,11 @@ def _curves(d: Diagnosis) -> Iterator[Picture]:
             _labels(d, c),
         )
         yield picture("curve", figure, title=title)
+
+
+def _largest_torque(c: Curve) -> float:
+    """Return the largest torque of a learned curve."""
+    return float(np.abs(c.learned).max())
 
 
 def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
