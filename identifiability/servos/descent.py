@@ -355,23 +355,22 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
 
 
 def correct_scale(problem: RolloutProblem, end: SearchEnd, J: Array) -> Array:
-    """Return the weighted derivative of positions with its true response to the robot's scale.
+    """Return the weighted derivative of positions with its true responses to scales.
 
-    Differences by single numbers are noisy, and noise must not determine a scale that the motion
-    leaves open. Columns change by equal shares of their size.
+    Differences by single numbers are noisy, and noise must not determine a scale of a joint or of
+    the robot that the motion leaves open. Columns change by equal shares of their size.
     """
-    scaling, response = problem.scale_response(end.x)
-    columns = np.flatnonzero(scaling)
-    if not len(columns):
-        return J
-    corrected = J.copy()
+    if not problem.varied[problem.at("kp")].any():
+        return J  # stated gains give all numbers their scale
+    ways, responses = problem.scale_responses(end.x)
     weights = problem.weights(end.q)[: len(J)]
-    lack = weights * response.ravel() - J @ scaling
-    joints = np.tile(problem.trees, len(response))
+    lack = weights[:, None] * responses - J @ ways
+    corrected = J.copy()
+    joints = np.resize(problem.trees, len(J))
     for tree in np.unique(problem.trees):
-        at = np.ix_(joints == tree, columns)
-        share = scaling[columns] * np.sum(J[at] ** 2, axis=0)
-        corrected[at] += np.outer(lack[joints == tree], share / or_one(share @ scaling[columns]))
+        own = joints == tree
+        shares = ways.T * np.sum(J[own] ** 2, axis=0)
+        corrected[own] += lack[own] @ np.linalg.pinv(shares @ ways) @ shares
     return corrected
 
 

@@ -441,21 +441,39 @@ class RolloutProblem:
         known = np.zeros((len(columns), len(self.prior_residual(x))))
         return np.hstack([columns, known]).T
 
-    def scale_response(self, x: Array) -> tuple[Array, Array]:
-        """Return the direction that enlarges trees with unknown gains, (p,), and its response.
+    def scale_responses(self, x: Array) -> tuple[Array, Array]:
+        """Return directions that hardly change the motion, (p, k), and the responses, (r, k).
 
-        All numbers of such trees grow alike, which hardly changes the motion. The response is the
-        derivative of positions in the judged rows along it, (N, n). A large step measures it, as
+        Along the first ones one joint grows, along the last one all trees with unknown gains. A
+        response is the derivative of positions in the judged rows, flat. Large steps measure it, as
         joints that stick make small differences noisy.
         """
+        joints, turns = self._grow_joints(x)
         grows = self.varied[self.at("kp")]
-        scaling = grows @ self._scales(x)
+        trees = grows @ self._scales(x)
         of_bodies = self.tree_of[self.over.size :]
-        scaling[self.bodies] = 0.5 * np.isin(of_bodies, self.trees[grows])
-        step = self._gain_steps(x)[grows].max(initial=-LATER)
-        rolled = self.roll([x, self._rescale(x, step * scaling)])
-        before, after = (self.differences(q) for q in rolled)
-        return scaling, (after - before) / step
+        trees[self.bodies] = 0.5 * np.isin(of_bodies, self.trees[grows])
+        ways = np.vstack([joints, trees])
+        steps = np.append(turns, self._gain_steps(x)[grows].max(initial=-LATER))
+        turned = [self._rescale(x, step) for step in steps[:, None] * ways]
+        before, *after = (self.differences(q).ravel() for q in self.roll([x, *turned]))
+        return ways.T, (np.transpose(after) - before[:, None]) / steps
+
+    def _grow_joints(self, x: Array) -> tuple[Array, Array]:
+        """Return directions along which one joint grows, (k, p), and a step along each, (k,).
+
+        It has more of all, with an unknown gain, and a rotor in place of heavier bodies.
+        """
+        log_kp = self.at("kp")
+        rotors = self.at("Ia")
+        bodies = self.machine.bare / np.exp(self.over[KINDS.index("Ia")] * x[log_kp])
+        ways = self._scales(x)
+        ways[:, rotors] += np.diag(bodies)
+        widest = 0.3  # as in a search
+        lost = x[rotors] < widest * bodies  # a rotor would be less than nothing
+        turns = np.where(lost, 1.0, np.sign(self._gain_steps(x)))
+        free = self.varied[log_kp] & self.varied[rotors]
+        return ways[free], widest * turns[free]
 
     def _gain_steps(self, x: Array) -> Array:
         """Return the difference of the logarithm of each gain, (n,).

@@ -115,7 +115,7 @@ class ComparisonPresenter(AnsweringPresenter):
             purpose = "weigh_again" if find and names else "fit_and_weigh"
             again = f"{begin}identifiability {fit}".removeprefix("identifiability ")
             line = f"{again} && identifiability {weigh}"
-            return [command(purpose, line, names=names, count=names), *find]
+            return [*find, command(purpose, line, names=names, count=names)]
         now = f"{self._fit_line(result.after)} --report report.html"
         return [command("fit_now", now), *self._diagnose()]
 
