@@ -117,11 +117,15 @@ def test_a_body_that_is_moved_by_a_hand_tells_its_ten_parameters(thrown, body):
         assert value == pytest.approx(body.nominal[name], rel=0.01, abs=2e-4)
 
 
+def lever(thrown, place):
+    """Return what a sensor at a place measures beside the acceleration of the base, (N, 3)."""
+    turning = np.cross(thrown["gyro"], np.cross(thrown["gyro"], place))
+    return np.cross(thrown["alpha"], place) + turning
+
+
 def test_a_sensor_that_is_mounted_elsewhere_says_the_same(thrown, body):
     turn = Rotation.from_euler("xyz", TILT).inv().as_matrix()
-    lever = np.cross(thrown["alpha"], PLACE)
-    lever += np.cross(thrown["gyro"], np.cross(thrown["gyro"], PLACE))
-    acc = (thrown["acc"] + lever) @ turn.T + [0.1, 0, -0.2]
+    acc = (thrown["acc"] + lever(thrown, PLACE)) @ turn.T + [0.1, 0, -0.2]
     spin = (axes("base.gyro."), thrown["gyro"] @ turn.T)
     frame = table(thrown, a=(axes("base.acc."), acc), g=spin)
     body.path.with_suffix(".toml").write_text(WRENCH + IMU)
@@ -132,9 +136,7 @@ def test_a_sensor_that_is_mounted_elsewhere_says_the_same(thrown, body):
 def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     place = np.array([0.05, -0.03, 0.04])
     bias = np.array([0.2, -0.1, 0.15])
-    lever = np.cross(thrown["alpha"], place)
-    lever += np.cross(thrown["gyro"], np.cross(thrown["gyro"], place))
-    acc = thrown["acc"] + lever + bias
+    acc = thrown["acc"] + lever(thrown, place) + bias
     frame = table(thrown, a=(axes("base.acc."), acc), g=(axes("base.gyro."), thrown["gyro"]))
     body.path.with_suffix(".toml").write_text(WRENCH + '[imu]\nfit = ["place", "acc_bias"]\n')
     found = analyze(Robot.load(body.path), [frame], "none", replicates=50)

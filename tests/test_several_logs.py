@@ -25,16 +25,16 @@ def logs(two_link):
     return found
 
 
-def rubbed(log, more):
-    """The same log with more Coulomb friction in the elbow [N·m]."""
+def rubbed(log):
+    """The same log with 0.3 N·m more Coulomb friction in the elbow."""
     frame = log.to_frame()
-    frame["elbow.tau"] += more * np.sign(frame["elbow.dq"])
+    frame["elbow.tau"] += 0.3 * np.sign(frame["elbow.dq"])
     return Log.from_frame(frame, log.name)
 
 
 @pytest.fixture(scope="module")
 def mixed(logs):
-    three = [logs[0], rubbed(logs[1], 0.3), logs[2]]
+    three = [logs[0], rubbed(logs[1]), logs[2]]
     return analyze("two-link", three, "none", replicates=50)
 
 

@@ -247,12 +247,12 @@ class Dask(Engine):
         theirs = None
         try:
             self.client.wait_for_workers(1, timeout=JOINING)
-            theirs = set(self.client.run(source_digest, "identifiability").values())
+            theirs = set(self.client.run(source_digest).values())
         except TimeoutError:
             wrong = "empty"
         except (ImportError, AttributeError):  # they do not have it, or one of long ago
             pass
-        if theirs != {source_digest("identifiability")}:
+        if theirs != {source_digest()}:
             self.close()
             raise EngineError(Finding(f"cluster.{wrong}", scheduler))
 
@@ -280,11 +280,11 @@ class Dask(Engine):
 
 
 @cache
-def source_digest(name: str) -> str:
-    """Return a hash of the text of a module or package; empty without a text."""
-    path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
-    files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
-    texts = [(f.relative_to(path.parent).as_posix(), f.read_bytes()) for f in files if f.is_file()]
+def source_digest() -> str:
+    """Return a hash of the text of this package."""
+    top = Path(__file__).parents[1]
+    files = sorted(top.rglob("*.py"))
+    texts = [(f.relative_to(top).as_posix(), f.read_bytes()) for f in files]
     return hashlib.sha256(repr(texts).encode()).hexdigest()
 
 

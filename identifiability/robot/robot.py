@@ -9,7 +9,6 @@ from dataclasses import fields
 from functools import cache
 from itertools import count
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Any, cast
 
 import numpy as np
@@ -99,9 +98,7 @@ def possible(theta: Array) -> bool:
 _NUMBERS = count()
 
 
-@cache
-def _shelf() -> TemporaryDirectory[str]:
-    return temporary_folder()
+_shelf = cache(temporary_folder)
 
 
 def new_place(name: str, ending: str) -> Path:

@@ -128,4 +128,4 @@ def _list_gains(kind: str, robot: Robot, values: Array, sd: Array, new: np.ndarr
     """Return the new gains of a kind with their errors (95 %); nothing if there are none."""
     joints = np.flatnonzero(new)
     each = [f"{robot.joints[k]} {state_gain(values[k], sd[k])}" for k in joints]
-    return f"{kind} of {listing(each, 12)}" if each else ""
+    return f"{kind} of {listing(each)}" if each else ""

@@ -554,7 +554,7 @@ def _state_odd(
     weak = every[problem.over[KINDS.index("kv"), every]]
     lines = {key: every} | ({"kv": weak} if key == "kp" and len(weak) else {})
     stated = [_state_numbers(robot, found, *line) for line in lines.items()]
-    said = {"fitted": listing(fitted, 12), "stated": stated, "open": first.is_open}
+    said = {"fitted": listing(fitted), "stated": stated, "open": first.is_open}
     then = phrase("odd_joint", "off" if kind == "play" else "used", **said)
     play = joints if kind == "play" else []
     # Numbers that are used end with those of other findings.

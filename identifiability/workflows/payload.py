@@ -114,14 +114,9 @@ class LoadEstimate:
     torque: DifferentTorque
 
     @property
-    def mass_sd(self) -> float:
-        """Standard error of the mass [kg]."""
-        return float(root_diagonal(self.covariance)[9])
-
-    @property
     def is_less(self) -> bool:
         """Whether the logs have less on the body than those of the result."""
-        return bool(self.theta[9] < -REACH * self.mass_sd)
+        return bool(self.theta[9] < -REACH * root_diagonal(self.covariance)[9])
 
 
 def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:

@@ -30,9 +30,9 @@ def campaign(size=1.0, count=3, **how):
     return robot, [replace(m, sin=size * m.sin, cos=size * m.cos) for m in drawn]
 
 
-def diagnosis(text, kind, value, rivals, base=BASE, size=1.0):
+def diagnosis(text, kind, value, rivals):
     """What a diagnosis says that found one effect, along logs in which it is hidden."""
-    robot, motions = campaign(size)
+    robot, motions = campaign()
     logs = Campaign.of(robot, motions).logs([], NOISE, default_rng(0))
     name, _, place = text.partition(":")[0].partition("@")
     shape = float(text.partition(":")[2] or "nan")
@@ -40,7 +40,7 @@ def diagnosis(text, kind, value, rivals, base=BASE, size=1.0):
     found = SimpleNamespace(place=place, shape=shape, parameters=(f"{place}.{kind}",),
                             values=np.array([value]), rms=1.0, rivals=rivals)  # fmt: skip
     return SimpleNamespace(
-        robot=robot, structure=Structure.of(robot, Model.of(*base)), model=Model.of(*base, text),
+        robot=robot, structure=Structure.of(robot, Model.of(*BASE)), model=Model.of(*BASE, text),
         samples=[prepare_excerpt(robot, log, None) for log in logs], preparation=Preparation(),
         effects=(SimpleNamespace(name=name, placements=(found,)),), aliases=(),
     )  # fmt: skip

@@ -56,7 +56,7 @@ def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypat
 @needs_dask
 def test_workers_with_another_program_are_refused(cluster, monkeypatch, rejected):
     module = sys.modules["identifiability.foundation.engines"]
-    monkeypatch.setattr(module, "source_digest", lambda name: str(os.getpid()))
+    monkeypatch.setattr(module, "source_digest", lambda: str(os.getpid()))
     with rejected("do not have this version of identifiability"):
         choose_engine(scheduler=cluster.client.scheduler.address)
 

@@ -112,7 +112,7 @@ def test_logs_are_known_by_their_gram_matrix_in_units_of_each_joints_noise(two):
     assert question.model.names == (
         "rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
     )  # fmt: skip
-    logs = [samples(two, 200), samples(two, 100, 1)]
+    logs = [samples(two), samples(two, 100, 1)]
     known = gather_known(question.along(logs))
     W = np.concatenate(
         [question.model.regressor(two, s.motion)[:, :, question.columns] for s in logs]

@@ -22,32 +22,32 @@ def standard_error(chains):
     return means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(len(means))
 
 
-def assert_same_distribution(a, b, sigmas=4.5):
+def assert_same_distribution(a, b):
     """Means and second moments of two sets of independent chains (C, N, p) agree."""
     centre = b.mean(axis=(0, 1))
     size = b.std(axis=(0, 1))
     for power in (1, 2):
         (one, e1), (two, e2) = (standard_error(((x - centre) / size) ** power) for x in (a, b))
-        assert_array_less(np.abs(one - two), sigmas * np.hypot(e1, e2))
+        assert_array_less(np.abs(one - two), 4.5 * np.hypot(e1, e2))
 
 
-def sign_target(rng, size=6, signs=3, dof=40.0, prior_sd=1e6, **options):
+def sign_target(rng, size=6, **options):
     """Correlated parameters of which some may not be negative, with true values near zero."""
     R = rng.normal(size=(size, size)) + 0.7
-    truth = np.where(np.arange(size) < signs, 0.2, rng.normal(size=size))
-    data = LeastSquares(R, R @ truth + rng.normal(size=size), dof, dof)
-    region = without_bodies(np.arange(size) < signs)
-    prior = Prior(np.zeros(size), np.broadcast_to(np.asarray(prior_sd, float), size))
-    return Target(data, prior, region, **options), np.abs(truth)
+    positive = np.arange(size) < 3
+    truth = np.where(positive, 0.2, rng.normal(size=size))
+    data = LeastSquares(R, R @ truth + rng.normal(size=size), 40.0, 40.0)
+    prior = Prior(np.zeros(size), np.full(size, 1e6))
+    return Target(data, prior, without_bodies(positive), **options), np.abs(truth)
 
 
-def body_target(rng, bodies=1, rows=6, noise=1.0, spread=1.0, **options):
+def body_target(rng, bodies=1, rows=6, spread=1.0, **options):
     """Bodies and one friction, which too few data see; the cone matters."""
     size = 10 * bodies + 1
     truth = np.append(np.tile(BODY, bodies), 0.5)
     scale = np.append(np.tile(SIZE, bodies), 1.0)
     R = rng.normal(size=(rows, size)) / scale
-    data = LeastSquares(R, R @ truth + noise * rng.normal(size=rows), 30.0 * noise**2, 30.0)
+    data = LeastSquares(R, R @ truth + rng.normal(size=rows), 30.0, 30.0)
     region = PhysicalSet(np.arange(10 * bodies).reshape(-1, 10), np.arange(size) == size - 1)
     return Target(data, Prior(truth, spread * scale), region, **options), truth
 

@@ -8,14 +8,14 @@ from .conftest import assert_same_distribution, body_target
 from .exactly import sample_exact
 
 
-def rejection(target, count, rng):
+def rejection(target, rng):
     """Independent draws of a Gaussian posterior, those outside the set thrown away."""
     information = target.data.R.T @ target.data.R / target.variance
     precision = information + np.diag(target.prior.sd**-2)
     linear = target.data.R.T @ target.data.z / target.variance
     mean = np.linalg.solve(precision, linear + target.prior.mean * target.prior.sd**-2)
     root = np.linalg.cholesky(np.linalg.inv(precision))
-    phi = mean + rng.standard_normal((count, mean.size)) @ root.T
+    phi = mean + rng.standard_normal((400_000, mean.size)) @ root.T
     inside = (margin(phi[:, :10]) >= 0) & (phi[:, 10] >= 0)
     return phi[inside], inside.mean()
 
@@ -23,7 +23,7 @@ def rejection(target, count, rng):
 def test_one_body_agrees_with_rejection_sampling(rng):
     target, start = body_target(rng, spread=0.5, variance=1.0)
     exact = sample_exact(target, start, 150, rng, chains=100)
-    free, share = rejection(target, 400_000, rng)
+    free, share = rejection(target, rng)
     assert share < 0.3  # the cone matters
     count = len(free) // 100
     assert count > 50

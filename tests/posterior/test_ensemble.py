@@ -18,7 +18,7 @@ def chains(posterior):
 def test_emcee_and_the_exact_sampler_agree_and_few_chains_stand_still(kind, rng):
     make = {"signs": sign_target, "cone": body_target}[kind]
     target, start = make(rng)
-    found = sample_posterior(target, start, rng, draws=100, walkers=32)
+    found = sample_posterior(target, start, rng, walkers=32)
     assert np.diff(chains(found), axis=1).any(axis=2).mean() > 0.9
     assert found.draws.shape == (4, 32, 100, target.size)
     assert target.region.contains(found.draws).all()

@@ -76,7 +76,7 @@ def chain_analysis(tmp_path_factory):
         path = write_chain(tmp_path_factory.mktemp("chain") / "robot.xml", joints)
         robot = Robot.load(path)
         move = random_trajectory(robot, default_rng(0), samples=300)
-        log = simulate(robot, move, noise=Noise(torque=0.02), seed=0)
+        log = simulate(robot, move, noise=Noise(torque=0.02))
         return analyze(robot, log, ladder=ladder, replicates=100)
 
     return build

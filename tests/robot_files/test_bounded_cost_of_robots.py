@@ -56,10 +56,10 @@ ATTRIBUTED, LONG = "more than 100 attributes", "a name or value of more than 500
 COPIES, LEVELS = "with a number larger than", "more than 250 levels deep"
 
 
-def urdf(inside="", extra="", link="", joint="j", body="arm", robot="r"):
+def urdf(inside="", extra="", link="", joint="j", body="arm"):
     """Return a URDF of one link that turns."""
     return (
-        f'<robot name="{robot}"><link name="base"/><link name="{body}" {link}>{INERTIAL}{inside}'
+        f'<robot name="r"><link name="base"/><link name="{body}" {link}>{INERTIAL}{inside}'
         f'</link><joint name="{joint}" type="continuous"><parent link="base"/>'
         f'<child link="{body}"/><axis xyz="0 1 0"/></joint>{extra}</robot>'
     )

@@ -76,7 +76,7 @@ def test_a_known_torque_is_simulated_and_taken_off_again(tmp_path, two_link):
 
 def test_results_say_what_was_taken_off(tmp_path):
     robot = with_sidecar(tmp_path, "two-link", CABLE)
-    found = analyze(robot, log_of(robot), posterior=False, replicates=30)
+    found = analyze(robot, log_of(robot), replicates=30)
     assert found.to_dict()["robot"]["known_torque"] == [robot.known_torque[0].text]
     assert "elbow" in found.provenance["known torque"]
     assert found.chosen.error_ra < 1e-6

@@ -81,7 +81,7 @@ def test_a_motor_of_a_closed_chain_can_be_locked_at_its_home(agrees):
 
 def test_a_locked_gripper_on_a_closed_chain_is_part_of_its_body(agrees, rejected):
     closure = CLOSURES["site on the root"]
-    text = parallelogram(closure, sites="").replace(
+    text = parallelogram(closure).replace(
         '<site name="toe"', '<body name="claw" pos="-0.3 0 0.1" euler="0 0.3 0.1"><joint name="jaw"'
         ' axis="0 1 0"/><inertial mass="0.4" pos="0.1 0 0" diaginertia="0.01 0.02 0.02"/></body>'
         '<site name="toe"').replace('0.7"/></keyframe>', '0.7 0.1"/></keyframe>')  # fmt: skip

@@ -26,7 +26,7 @@ def test_a_closure_by_body_and_anchor_closes_where_the_file_is_drawn(bodies, agr
 
 
 def test_a_loop_of_the_sidecar_may_end_in_the_world(load_text):
-    text = parallelogram("", home="0.7 -0.7")
+    text = parallelogram("")
     loop = '[[loops]]\nbody1 = "world"\npoint1 = [0.6, 0, 0]\nbody2 = "rocker"\n'
     assert load_text(text, sidecar=loop + "point2 = [-0.4, 0, 0]").passive == ("knee", "heel")
 

@@ -86,10 +86,10 @@ def test_changes_add_up_and_survive_each_other(tmp_path):
     assert robot.with_lock([f"{joint}=0.4"]).nominal == plain.nominal
 
 
-def links(mass=2.0):
+def links():
     return [
         {"name": "upper", "joint": "shoulder", "axis": (0, 1, 0), "position": (0, 0, 0.5),
-         "rpy": (0.3, -0.2, 0.7), "mass": mass, "centre": (0.2, 0.01, 0.03),
+         "rpy": (0.3, -0.2, 0.7), "mass": 2.0, "centre": (0.2, 0.01, 0.03),
          "inertia": {"xx": 0.02, "yy": 0.03, "zz": 0.04, "xy": 0.001, "xz": -0.002, "yz": 0.003}},
         {"name": "fore", "joint": "elbow", "axis": (0, 0.6, 0.8), "position": (0.4, 0, 0.1),
          "rpy": (-1.0, 0.4, 0.2), "mass": 1.0, "centre": (0.15, 0, 0),

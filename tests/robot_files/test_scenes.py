@@ -44,7 +44,7 @@ def torque(robot, q):
 )
 def test_what_no_motor_reaches_is_left_out_on_both_roads_and_said(after, load_text):
     q = np.random.default_rng(0).uniform(-1, 1, (5, 2))
-    plain = load_text(scene("", after=""))
+    plain = load_text(scene(""))
     bare = torque(plain, q)
     robot = load_text(scene(after=after))
     assert robot.outside == ("cup", "door")

@@ -41,7 +41,7 @@ def stewart(legs="", motor=""):
       <keyframe><key name="home" qpos="0 0 0.5 1 0 0 0"/></keyframe></mujoco>"""
 
 
-def poses(text, count=20, seed=0):
+def poses(text):
     """Random motions of a platform: lengths of its legs with derivatives, and the legs' forces.
 
     Lengths are MuJoCo's, derivatives are differences of eighth order of them.
@@ -51,9 +51,9 @@ def poses(text, count=20, seed=0):
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     d = mujoco.MjData(m)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     out = []
-    for _ in range(count):
+    for _ in range(20):
         start = m.qpos0.copy()
         v = rng.normal(size=6)
         a = rng.normal(size=6)

@@ -144,7 +144,7 @@ def test_a_hidden_tilt_or_load_is_a_share_of_the_torque_of_all_joints(name, two_
 
 
 def test_what_is_hidden_is_said_with_joints_and_share(rejected):
-    assert parse_hidden("payload") == Hidden("payload", 0.05, ())
+    assert parse_hidden("payload") == Hidden("payload", 0.05)
     assert parse_hidden("torque_offset@a+b=0.2") == Hidden("torque_offset", 0.2, ("a", "b"))
     for text in ("torque_offset=0", "torque_offset=-1", "torque_offset=inf", "torque_offset=x"):
         with rejected("is not understood"):

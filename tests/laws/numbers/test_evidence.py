@@ -19,10 +19,10 @@ from .made import ar1, gather, score_of
 WHITE = Noise(np.array([0.25, 4.0]), np.ones(2))
 
 
-def rows(seed=0, N=240, k=4, n=2):
-    rng = default_rng(seed)
-    W = rng.normal(size=(N, n, k))
-    return W, W @ np.arange(1.0, k + 1) + rng.normal(size=(N, n)) * [0.5, 2.0]
+def rows(N=240):
+    rng = default_rng(0)
+    W = rng.normal(size=(N, 2, 4))
+    return W, W @ np.arange(1.0, 5.0) + rng.normal(size=(N, 2)) * [0.5, 2.0]
 
 
 def drop(held, columns=()):

@@ -13,12 +13,12 @@ from ...physical.bodies import without_bodies
 FIXED = Fixed(np.array([[0, 1.0, 0, 0, 0], [0, 0, 2.0, 0, -2.0]]), np.array([0.7, 0.0]))
 
 
-def target(nonnegative=(False,) * 5, variance=0.3):
+def target():
     rng = default_rng(4)
     data = LeastSquares(rng.normal(size=(4, 5)), rng.normal(size=4), 9.0, 30.0)
     prior = Prior(rng.normal(size=5), rng.uniform(0.5, 2.0, 5))
-    region = without_bodies(nonnegative)
-    return Target(data, prior, region, variance=variance, fixed=FIXED)
+    region = without_bodies((False,) * 5)
+    return Target(data, prior, region, variance=0.3, fixed=FIXED)
 
 
 def test_what_is_held_conditions_the_normal_of_data_and_prior():

@@ -148,8 +148,8 @@ def test_a_verdict_says_what_nobody_knows_and_what_the_unpruned_model_finds_inst
     assert not any(words in little for words in ("stands for", "states no", "puts it at"))
 
 
-def quiet(motion, seed=0, size=1e-6):
-    return size * default_rng(seed).standard_normal(motion.shape[:2])
+def quiet(motion, size=1e-6):
+    return size * default_rng(0).standard_normal(motion.shape[:2])
 
 
 def known_by_logs(motion, submodel, theta, noise, file=FILE, names=NAMES):

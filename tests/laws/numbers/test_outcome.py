@@ -14,14 +14,14 @@ from identifiability.foundation.rounding import (
 from identifiability.workflows.calibrate.world import Outcome, count_outcomes
 
 
-def outcome(value, white=1.0, robust=1.0, called=(), paper=()):
+def outcome(value, called=()):
     k = len(value)
     return Outcome(
         value=np.array(value, float),
-        white=np.full(k, white),
-        robust=np.full(k, robust),
+        white=np.ones(k),
+        robust=np.ones(k),
         identifiable=np.isin(np.arange(k), called),
-        paper=np.isin(np.arange(k), paper),
+        paper=np.zeros(k, bool),
     )
 
 

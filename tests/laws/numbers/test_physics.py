@@ -24,10 +24,8 @@ def body(mass=MASS, place=PLACE):
     return np.array([*inertia[np.triu_indices(3)], *(mass @ place), mass.sum()])
 
 
-def region(friction=1, **options):
-    return PhysicalSet(
-        np.arange(10)[None], np.arange(10 + friction) >= 10, names=("arm",), **options
-    )
+def region(**options):
+    return PhysicalSet(np.arange(10)[None], np.arange(11) >= 10, names=("arm",), **options)
 
 
 def data_on(phi):

@@ -197,6 +197,6 @@ def test_a_hundred_kinds_of_friction_do_not_keep_newton_from_its_end(monkeypatch
     R = np.eye(20 + many)
     aim = np.r_[FILE[:20], np.where(np.arange(many) % 2, 1.0, -1.0)]
     data = LeastSquares(R, aim, 1e-2, 1.0)
-    found = Projection(region, prior=CadPrior(np.r_[FILE[:20], np.zeros(many)], 1.0)).solve(data)
+    found = Projection(region, prior=CadPrior(np.r_[FILE[:20], np.zeros(many)])).solve(data)
     assert found.accurate
     assert_allclose(found.phi[20:], np.maximum(aim[20:], 0.0), atol=1e-4)

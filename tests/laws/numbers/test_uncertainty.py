@@ -13,18 +13,18 @@ from identifiability.logs.spectrum import autocorrelation, autocorrelation_time
 from .made import ar1, fit_known, fit_of, gather
 
 
-def replicates(sd, count=5):
+def replicates(sd):
     """Return replicates whose central 68 % are exactly so far from zero."""
-    unit = np.linspace(-1, 1, count)
+    unit = np.linspace(-1, 1, 5)
     return np.outer(unit / np.quantile(unit, norm.cdf(1)), sd)
 
 
-def roads(white, resampled, scores, freedom=1e6):
+def roads(white, resampled, scores):
     drawn = None if resampled is None else spread_of(replicates(resampled))
     white = np.array(white, float)
     estimate = fit_of(np.zeros(len(white)), white, np.isfinite(white))
     if scores is not None:
-        scores = ScoreScatter(np.array(scores, float), np.array([freedom]))
+        scores = ScoreScatter(np.array(scores, float), np.array([1e6]))
     return fit_known(estimate, scores, bootstrap=drawn)
 
 

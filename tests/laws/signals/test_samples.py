@@ -26,8 +26,8 @@ from identifiability.logs.signals import Decimation
 from identifiability.robot import complete_motion
 
 
-def wave(t, joints=2):
-    w = 2 * np.pi * (0.8 + 0.3 * np.arange(joints))
+def wave(t):
+    w = 2 * np.pi * (0.8 + 0.3 * np.arange(2))
     return np.sin(np.outer(t, w)), w * np.cos(np.outer(t, w)), -(w**2) * np.sin(np.outer(t, w))
 
 
