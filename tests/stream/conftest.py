@@ -45,12 +45,12 @@ def few_windows(monkeypatch):
 def frame_of():
     """A function (robot, periods, samples) -> table of a trajectory repeated with fresh noise."""
 
-    def made(name, periods=5, samples=1000, *, derivatives=True, seed=0):
+    def made(name, periods=5, samples=1000, *, derivatives=True):
         trajectory = "601" if name == "3-rps" else "a"
         clean = simulated_log(name, trajectory, noise=Noise(), samples=samples).to_frame()
         frame = pd.concat([clean] * periods, ignore_index=True)
         frame["t"] = np.median(np.diff(clean["t"])) * np.arange(len(frame))
-        rng = np.random.default_rng(seed)
+        rng = np.random.default_rng(0)
         for column in frame:
             if column.endswith(".tau"):
                 size = 0.05 * frame[column].std()
