@@ -151,8 +151,6 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(
     assert abs(frame["value"]["elbow.Fv"] / two_link.nominal["elbow.Fv"] - 1) < 0.1
     table = found.tables()[-1]
     assert table.caption.startswith("Which numbers of the robot file may I believe? ")
-    assert [row["name"] for row in found.to_dict()["file"]] == [*frame.index]
-    assert table.caption in found.write_report(tmp_path / "page.html").read_text()
 
 
 @pytest.mark.parametrize("joint, size", [("shoulder", 0.08), ("elbow", 0.08), ("elbow", 0.5)])
