@@ -107,12 +107,8 @@ def values_not_in_file(robot: Robot, values: NumberByName, kind: Kind) -> dict[s
 
 
 def file_values(robot: Robot, values: NumberByName) -> list[dict[str, float]]:
-    """Return the values of each file format, that of the robot first, with faults of sensors.
-
-    Measured torque has these faults, whatever the robot is.
-    """
-    lost = [values_not_in_file(robot, values, kind) for kind in file_kinds(robot)]
-    return [{n: x - gone.get(n, 0.0) for n, x in values.items()} for gone in lost]
+    """Return the values that each file format can store, that of the robot first."""
+    return [values_in_file(robot, values, kind) for kind in file_kinds(robot)]
 
 
 def merge_springs(robot: Robot, values: NumberByName) -> tuple[Robot, dict[str, float]]:

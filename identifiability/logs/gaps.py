@@ -81,7 +81,6 @@ class StaleRule:
                 share=s,
             )
             for c, s in self.share.items()
-            if s > RULES.negligible
         ]
         if found:
             return Finding("repeated", channels=", ".join(found))

@@ -289,7 +289,8 @@ class Exported:
         Values that the file cannot hold: parameters by effect. A sidecar has them.
     error_ra, error_ra_file : float or None
         ε_RA on the fitted logs, with all fitted values and with those that the robot file alone
-        holds; None where the torque does not vary.
+        holds; None where the torque does not vary. The second is None, too, where the error of the
+        file cannot be told from the fault of a sensor.
     unseen : Unseen, PositionPrediction or None
         Errors of the files on logs that were not fitted, where some were given; of logs of commands
         those of positions.
@@ -589,6 +590,10 @@ def _describe(
     physical = content.physical
     lacking = _list_lacking(robot, content, given, kind)
     error_file = physical.error_ra_files.get(kind)
+    lost = values_not_in_file(robot, given, kind)
+    if any(lost.keys().isdisjoint(names) for names in lacking.values()):
+        # A sensor's fault is no error of the file.
+        error_file = None if lost else physical.error_ra
     mass = state_mass(robot, given, physical.cad_prior)
     notes = _state_notes(robot, content, kind, written.robot.name, said=unseen is not None)
     return Exported(

@@ -5,7 +5,7 @@ import pytest
 
 from identifiability import Log, Model, Robot, analyze, prune
 from identifiability.effects import FAMILIES, AlongAxes, Family, forget, register
-from identifiability.effects.vocabulary import file_values, stated_numbers, values_in_file
+from identifiability.effects.vocabulary import stated_numbers, values_in_file
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.physical.fitted_model import physical_set
 from identifiability.regression.columns import list_candidates
@@ -129,7 +129,6 @@ def test_an_mjcf_has_friction_of_coupled_motors_also_where_a_level_adds_to_it(tm
 
 def test_a_fault_of_a_sensor_is_none_of_the_file(two_link):
     values = {"elbow.scale": 0.3, "elbow.Fs": 1.0, "elbow.Fc": 2.0}
-    assert file_values(two_link, values)[0] == {**values, "elbow.Fs": 0.0}
     lacking = {"a": ("elbow.scale",), "b": ("elbow.Fs",)}
     said = state_lost(two_link, values, lacking, "mjcf", "file")
     assert "leaves out a (elbow.scale)" in said
