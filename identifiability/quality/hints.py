@@ -172,8 +172,9 @@ def find_copied_torque(logs: MeasuredLogs) -> Iterator[Finding]:
     """Yield pairs of torque columns that are multiples of each other while the joints are not."""
     columns: dict[str, None] = {}
     for rows in logs.measured:
-        alike = [_correlate(x) > 1 - ROUNDOFF for x in (rows.tau, rows.q)]
-        for pair in np.argwhere(np.triu(alike[0] & ~alike[1], 1)).tolist():
+        same_torque, same_motion = (_correlate(x) > 1 - ROUNDOFF for x in (rows.tau, rows.q))
+        copied = np.triu(same_torque & ~same_motion, 1)
+        for pair in np.argwhere(copied).tolist():
             columns |= dict.fromkeys(f"{rows.joints[k]}.tau" for k in pair)
     if columns:
         yield Finding("copied", columns=[*columns])

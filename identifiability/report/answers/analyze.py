@@ -401,7 +401,11 @@ def _state_few(chosen: ModelResult) -> str:
     known = [v for v in chosen.verdicts if v.verdict is Class.IDENTIFIABLE]
     if chosen.unjudged or not 0 < len(known) < 4:
         return ""
-    each = [f"{v.name} = {measured(v.value, v.sigma_label, v.unit)}" for v in known]
+    each = []
+    for v in known:
+        combined = sentence("values", "of_several", name=v.name)
+        name = combined if label_note(v.label) else v.name
+        each.append(f"{name} = {measured(v.value, v.sigma_label, v.unit)}")
     return sentence("analysis.use", "few", each=each)
 
 

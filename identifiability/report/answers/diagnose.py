@@ -331,7 +331,7 @@ def _answer_missing(d: Diagnosis) -> Answer:
         for c in d.changes
     ]
     short = capital(_name_missing([*tilted, *named]))
-    if _is_unsure(d):
+    if named and _is_unsure(d):
         short = join_sentences(short, sentence(about, "unproven", count=named))
     odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
     unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
@@ -530,14 +530,14 @@ def _answer_gap(d: Diagnosis) -> Answer:
 
 
 def _choose_judge(d: Diagnosis, file: str) -> str:
-    """Return what is said of a fit with the named effects, which may be in a file."""
+    """Return the part of `next` for a fit with the named effects, whose model may be in a file."""
     if _is_unsure(d):
         return "judge_unsure"
     return "judge_written" if file else "judge"
 
 
 def _is_unsure(d: Diagnosis) -> bool:
-    """Return whether the interval of the change of the error contains zero."""
+    """Return whether the error may rise, by the interval of its change on unseen motion."""
     return any(d.interval) and d.interval[1] >= 0
 
 
